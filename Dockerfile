@@ -2,6 +2,9 @@
 # BASE is any Debian-like image with Python 3.11, 3.12 or 3.13 and its venv module; see docs/containers.md for making one yourself.
 # Built by BuildKit: stages run side by side, and caches for pip and compiled kernels outlive a build.
 ARG BASE=python:3.12-slim-bookworm
+# Kernels for NVIDIA cards in the worker's image, of `python -m renderer.precompile --help`: those of most scenes. "all": of all
+# scenes; "": none. What is missing is built by the first worker with a card that needs it, once for a farm.
+ARG CARDS=plain,full
 
 FROM ${BASE} AS base
 ENV PYTHONUNBUFFERED=1 PATH=/venv/bin:$PATH PYTHONPATH=/app
@@ -59,12 +62,14 @@ RUN python3 -m compileall -q renderer && python3 -c "from renderer import jit; j
 # The kernels are compiled here, so that no container compiles them: for processors with AVX-512, if this one has it, and without it,
 # side by side. The caches are found again by what the kernels are compiled from, so most edits compile nothing.
 FROM kernels AS kernels-avx512
+ARG CARDS
 RUN --mount=type=cache,id=rayfarm-kernels-avx512,target=/cache,mode=0700 \
-    RAYFARM_CACHE=/cache python3 -m renderer.precompile --if-avx512 /compiled && chmod -R a+rX /compiled
+    RAYFARM_CACHE=/cache python3 -m renderer.precompile --if-avx512 --cards "$CARDS" /compiled && chmod -R a+rX /compiled
 
 FROM kernels AS kernels-avx2
+ARG CARDS
 RUN --mount=type=cache,id=rayfarm-kernels-avx2,target=/cache,mode=0700 \
-    RAYFARM_AVX512=false RAYFARM_CACHE=/cache python3 -m renderer.precompile /compiled && chmod -R a+rX /compiled
+    RAYFARM_AVX512=false RAYFARM_CACHE=/cache python3 -m renderer.precompile --cards "$CARDS" /compiled && chmod -R a+rX /compiled
 
 FROM base AS worker
 COPY --from=worker-packages /venv /venv

@@ -34,6 +34,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
+SOURCES = ("rayfarm", "renderer", "protocol", "telemetry", "service", "worker")
 PYTHONS = ((3, 13), (3, 12), (3, 11))
 FOR_TESTS = ("test",)
 FOR_BENCHMARKS = ("docs", "test")
@@ -128,6 +129,9 @@ def install(extras=(), begin=None):
             begin(python)
         return python
     begun = time.monotonic()
+    # In advance, since with PYTHONDONTWRITEBYTECODE each process would compile all modules again; and while a single process
+    # makes the environment.
+    sources = compile_modules(sys.executable, *(str(ROOT / name) for name in SOURCES))
     if not is_usable(python):
         make_environment()
         known = []
@@ -137,19 +141,21 @@ def install(extras=(), begin=None):
         install_packages(python, [])
         begin(python)
     install_packages(python, extras)
-    # On all processors, and in advance: with PYTHONDONTWRITEBYTECODE each process would compile all modules again. Tests import
-    # a small part of what they install, and compile that when they import it.
-    sources = [str(ROOT / name) for name in ("rayfarm", "renderer", "protocol", "telemetry", "service", "worker")]
-    installed = [] if "test" in extras else [str(path) for path in VENV.glob("lib/python*/site-packages")]
-    compile_all = [str(python), "-m", "compileall", "-q", "-j", "0", "-x", "/tests/", *sources, *installed]
-    subprocess.call(compile_all, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    if "test" not in extras:
+    sources.wait()
+    if "test" not in extras:  # tests import a small part of what they install, and compile that when they import it
+        compile_modules(python, "-j", "0", *(str(path) for path in VENV.glob("lib/python*/site-packages"))).wait()
         # The digest of the sources, part of a worker's kind, is cached beside them; otherwise the first start computes it.
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         subprocess.call([str(python), "-c", "from renderer import jit; jit.kind()"], cwd=str(ROOT), **quiet)
     stamp.write_text(" ".join([installation_hash(), *extras]) + "\n")
     print_progress(f"installed after {time.monotonic() - begun:.0f} s")
     return python
+
+
+def compile_modules(python, *arguments):
+    """Starts compiling the Python modules below some folders, apart from tests; returns the process."""
+    command = [str(python), "-m", "compileall", "-q", "-x", "/tests/", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def install_packages(python, extras):
@@ -216,14 +222,17 @@ def uv(python, arguments):
     quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "check": False, "universal_newlines": True}
     own_pip = [str(python), "-m", "pip", "--disable-pip-version-check", "--no-input"]
     configuration = subprocess.run([*own_pip, "config", "list"], **quiet).stdout
-    if ".no-index=" in configuration or subprocess.run([*own_pip, "install", "--no-compile", version], **quiet).returncode != 0:
+    program = python.parent / "uv"
+    if ".no-index=" in configuration:
+        return False
+    if not program.exists() and subprocess.run([*own_pip, "install", "--no-compile", version], **quiet).returncode != 0:
         return False
     environment = dict(os.environ)
     for line in configuration.splitlines():
         key, _, value = line.partition("=")
         if key.endswith(".index-url"):
             environment.setdefault("UV_DEFAULT_INDEX", value.strip("'"))
-    command = [str(python.parent / "uv"), "pip", "install", "--python", str(python), *arguments]
+    command = [str(program), "pip", "install", "--python", str(python), *arguments]
     # On a terminal uv shows its progress.
     done = subprocess.run(command, env=environment, **({"check": False} if sys.stderr.isatty() else quiet))
     if done.returncode != 0:

@@ -27,7 +27,7 @@ MAX_BYTES = 64 << 20  # of the file; a folder with every kernel packs to a tenth
 _MAX_UNPACKED = 4 * MAX_BYTES
 _SIGNATURE = 32
 _CHUNK = 1 << 20
-_KERNEL = r"\w{1,40}(?:-\w{1,40}){1,2}"  # such as render_pool-moving-media
+_KERNEL = r"\w{1,40}(?:-\w{1,40}){1,6}"  # such as render_pool-moving-media, or with all suffixes of renderer/variant_names.py
 _NAME = re.compile(rf"[0-9a-f]{{16}}-[a-z]+\d+-{_KERNEL}", re.ASCII)
 _MEMBER = re.compile(rf"\w+(\.\w+)*/\w[\w.-]*\.code|{_KERNEL}\.done", re.ASCII)
 

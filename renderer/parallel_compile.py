@@ -15,45 +15,28 @@ import subprocess
 import sys
 import threading
 import time
-from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from renderer.arrays.guide import empty_guide
-from renderer.arrays.kernel_variant import strip_absent_features
-from renderer.arrays.scene import example
-from renderer.arrays.spectrum import empty_spectrum_tables
 from renderer.jit import COMPILE_PATIENCE_S
-from renderer.kernel.accumulate import pool_stages, samples_guide
+from renderer.kernel.accumulate import pool_stages
 from renderer.preparation_kernels import is_prepared, prepare_first
-from renderer.scene.light_groups import with_group_planes
-from renderer.settings import RenderSettings, View
 from renderer.sources import ROOT
 from renderer.threads import cores
+from renderer.variant_names import example_of
 
-__all__ = ["Helpers", "main", "variant_suffix"]
+__all__ = ["Helpers", "main"]
 
-_GROUPS_SUFFIX = "-groups"  # of a variant's name: for settings with light groups,
-_PATHS_SUFFIX = "-paths"  # with light paths,
-_GUIDED_SUFFIX = "-guided"  # and before that for settings with a path guide
-_SPECTRAL_SUFFIX = "-spectral"  # and at the end for spectra
 MOST = 3  # helpers: more would wait for each other's parts
 _NO_PART = b"\xff"
 NEEDS = 640 << 20  # bytes that a helper takes while it compiles, with a margin
-_PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
-
-
-def variant_suffix(settings: RenderSettings) -> str:
-    """Returns what is appended to a variant's name for what these settings add to its kernel."""
-    by_light = f"{_PATHS_SUFFIX if settings.has_light_paths else ''}{_GROUPS_SUFFIX if settings.light_groups else ''}"
-    return f"{_GUIDED_SUFFIX if samples_guide(settings) else ''}{by_light}{_SPECTRAL_SUFFIX if settings.is_spectral else ''}"
 
 
 class Helpers:
     """A context manager for helper processes that compile parts of a kernel, and the kernels that prepare scenes.
 
-    variant: name of the kernel variant for images, with `variant_suffix` of the settings; "" compiles only the
+    variant: name of the kernel variant for images, with `variant_suffix` of the settings (variant_names.py); "" compiles only the
     kernels that prepare scenes. wanted: False if nothing has to be compiled: no helpers are started.
 
     The helpers are forked if this process has no other threads, so a worker creates them before it starts threads. Otherwise they
@@ -149,26 +132,7 @@ class _Parts:
     """The parts of a kernel, numbered from 0; each is compiled by one of the processes."""
 
     def __init__(self, variant: str) -> None:
-        is_spectral = variant.endswith(_SPECTRAL_SUFFIX)
-        variant = variant.removesuffix(_SPECTRAL_SUFFIX)
-        has_groups = variant.endswith(_GROUPS_SUFFIX)
-        variant = variant.removesuffix(_GROUPS_SUFFIX)
-        has_paths = variant.endswith(_PATHS_SUFFIX)
-        variant = variant.removesuffix(_PATHS_SUFFIX)
-        settings = replace(
-            _PICTURE,
-            light_groups="a" if has_groups else "",
-            light_paths="on" if has_paths else "off",
-            spectral="on" if is_spectral else "off",
-        )
-        nothing = with_group_planes(example(), settings.group_names)
-        plain = variant.removesuffix(_GUIDED_SUFFIX)
-        nothing = strip_absent_features(nothing, plain, has_groups, has_paths) if variant else nothing
-        if plain != variant:
-            nothing = nothing._replace(path_guide=empty_guide())
-        if is_spectral:
-            nothing = nothing._replace(spectrum=empty_spectrum_tables())
-        self._stages = pool_stages(nothing, settings) if variant else []
+        self._stages = pool_stages(*example_of(variant)) if variant else []
 
     def __len__(self) -> int:
         return len(self._stages)

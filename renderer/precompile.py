@@ -1,7 +1,8 @@
 """`python -m renderer.precompile`: compiles the kernels for images into the cache, for installations and container images.
 
-Variants are compiled in parallel, one process each, as cores and memory allow. If a FOLDER is given, only the files that the
-kernels need (each kernel's `.done` lists them) are copied to FOLDER/kernels: an eighth of the files that compiling creates.
+Variants are compiled in parallel, one process each, as cores and memory allow; with --cards also for graphics cards. If a FOLDER
+is given, only the files that the kernels need (each kernel's `.done` lists them) are copied to FOLDER/kernels: an eighth of the
+files that compiling creates.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from renderer import jit
+from renderer.cuda.artefacts import kernel_name as card_kernel_name
+from renderer.cuda.artefacts import ptx_of
 from renderer.parallel_compile import Helpers
 from renderer.preparation_kernels import prepare
 from renderer.render import KERNEL_VARIANTS, kernel_name, warm_up
@@ -27,16 +30,19 @@ __all__ = ["main"]
 
 MEMORY = 1 << 30  # memory that a process needs to compile a variant
 PREPARING = "preparing"  # the job of the kernels that prepare scenes
+FOR_CARD = "card:"  # begins the job of a variant's kernels for graphics cards
 
 
 def _compile(job: str, prepares: bool) -> None:
-    """Compiles one job, a kernel variant or the kernels that prepare scenes; runs in a separate process.
+    """Compiles one job, a kernel variant, for processors or cards, or the kernels that prepare scenes; in a separate process.
 
     prepares: also lists the kernels that prepare scenes among the files of the variant's kernel.
     """
     gc.disable()  # collections take a fifth of the time and find little; this process ends afterwards
     if job == PREPARING:
         prepare()
+    elif job.startswith(FOR_CARD):
+        ptx_of(job.removeprefix(FOR_CARD))
     else:
         warm_up(variant=job, helpers=Helpers(job, wanted=False), prepares=prepares)
 
@@ -45,9 +51,14 @@ def _compile_in_process(job: str, *options: str) -> None:
     subprocess.run([sys.executable, "-m", "renderer.precompile", "--job", job, *options], check=True)
 
 
-def _jobs(variants: list[str]) -> list[str]:
+def _jobs(variants: list[str], for_cards: list[str]) -> list[str]:
     """Returns the compile jobs: the variants, longest compile first, and the kernels that prepare scenes."""
-    return [*sorted(variants, key=lambda name: sum(map(bool, KERNEL_VARIANTS[name])), reverse=True), PREPARING]
+    first = [*(f"{FOR_CARD}{name}" for name in _longest_first(for_cards)), *_longest_first(variants)]
+    return [*first, PREPARING] if variants else first
+
+
+def _longest_first(variants: list[str]) -> list[str]:
+    return sorted(variants, key=lambda name: sum(map(bool, KERNEL_VARIANTS[name])), reverse=True)
 
 
 def _max_parallel_jobs(count: int) -> int:
@@ -74,10 +85,18 @@ def _compile_all(jobs: list[str], begin: float) -> None:
 
 
 def _variants(text: str) -> list[str]:
-    names = text.split(",")
+    names = list(KERNEL_VARIANTS) if text == "all" else [name for name in text.split(",") if name]
     if unknown := [name for name in names if name not in KERNEL_VARIANTS]:
         raise argparse.ArgumentTypeError(f"there is no kernel {', '.join(unknown)}; known are {', '.join(KERNEL_VARIANTS)}")
     return names
+
+
+def _missing(variants: list[str], for_cards: list[str]) -> tuple[list[str], list[str]]:
+    """Returns those of the variants for processors and of those for cards that the cache lacks."""
+    return (
+        [name for name in variants if not jit.is_cached(kernel_name(variant=name))],
+        [name for name in for_cards if not jit.is_cached(card_kernel_name(name))],
+    )
 
 
 def main(arguments: Iterable[str] | None = None) -> None:
@@ -92,7 +111,14 @@ def main(arguments: Iterable[str] | None = None) -> None:
         type=_variants,
         default=list(KERNEL_VARIANTS),
         metavar="NAME,...",
-        help=f"of {', '.join(KERNEL_VARIANTS)}; by default all of them",
+        help=f"of {', '.join(KERNEL_VARIANTS)}; by default all",
+    )
+    parser.add_argument(
+        "--cards",
+        type=_variants,
+        default=[],
+        metavar="NAME,...",
+        help="the same kernels for NVIDIA cards, a minute of a core each: names, or all; by default none",
     )
     parser.add_argument("--if-avx512", action="store_true", help="do nothing on a processor without AVX-512")
     parser.add_argument("--job", help=argparse.SUPPRESS)
@@ -107,10 +133,10 @@ def main(arguments: Iterable[str] | None = None) -> None:
         print("this processor has no AVX-512: kernels for it are compiled by the first worker that has it")
         return
     begin = time.perf_counter()
-    if not all(jit.is_cached(kernel_name(variant=name)) for name in options.kernels):
+    if _missing(options.kernels, options.cards) != ([], []):
         copy_shipped_kernels(jit.cache_folder())
-    if missing := [name for name in options.kernels if not jit.is_cached(kernel_name(variant=name))]:
-        _compile_all(_jobs(missing), begin)
+    if jobs := _jobs(*_missing(options.kernels, options.cards)):
+        _compile_all(jobs, begin)
     for name in options.kernels:
         _compile_in_process(name, "--prepares")
     print(f"{jit.kind()}: kernels ready after {time.perf_counter() - begin:.0f} s")

@@ -12,12 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import cryptomatte, deep, jit
-from renderer.arrays.guide import empty_guide
 from renderer.arrays.kernel_variant import strip_absent_features, variant_of
 from renderer.arrays.rows import CATCHES
 from renderer.arrays.scene import example
 from renderer.arrays.scene_features import KERNEL_VARIANTS
-from renderer.arrays.spectrum import empty_spectrum_tables
 from renderer.cryptomatte import NOT_FINITE, Hits, count_samples
 from renderer.cuda.render import CardRenderer
 from renderer.deep import Deep
@@ -41,7 +39,7 @@ from renderer.kernel.accumulate import (
 from renderer.kernel.camera import PANORAMA, Camera, camera_frame
 from renderer.kernel.options import group_rows, kernel_options
 from renderer.kernel.steps.continue_or_end import MAX_UNCOUNTED
-from renderer.parallel_compile import Helpers, variant_suffix
+from renderer.parallel_compile import Helpers
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
 from renderer.reference import Packed
 from renderer.replay import Replay, read_log
@@ -56,6 +54,7 @@ from renderer.sentences import Sentence
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
 from renderer.shipped_kernels import copy_shipped_kernels
 from renderer.threads import cores
+from renderer.variant_names import example_of, variant_suffix
 
 __all__ = [
     "PLAIN",
@@ -73,6 +72,7 @@ __all__ = [
     "replay",
     "variant_for",
     "warm_up",
+    "warm_up_guide",
 ]
 
 _PLAIN_ROOTS = 2  # root nodes of a tree without visibility by kind of ray: for camera rays and shadow rays
@@ -223,7 +223,8 @@ def _render_on(
         return _added([_render_on(card, scene, settings, tile, *each) for each in ranges])
     camera, options = camera_frame(settings_relative_to_origin(settings, scene.origin)), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
-    variant = next(name for name, has in KERNEL_VARIANTS.items() if has == scene.has)
+    plain = scene.has._replace(groups=None, light_paths=None, by_light=None)
+    variant = next(name for name, has in KERNEL_VARIANTS.items() if has == plain) + variant_suffix(settings)
     found = card.render(scene, variant, camera, options, batch, tile.w, tile.h, recorded)
     bad: list[BadSample] = []
     if found.bad_count:  # a card counts them: the CPU lists those of the pixels that lack samples
@@ -233,8 +234,8 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render these settings: the default strategy, in RGB, without guide and light planes."""
-    return has_variants(settings) and not (samples_guide(settings) or settings.is_spectral or settings.light_planes)
+    """Returns True if a graphics card can render these settings: the default strategy to find light."""
+    return has_variants(settings)
 
 
 def check_for_cards(settings: RenderSettings) -> None:
@@ -244,8 +245,7 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, caustics off, guiding off, spectral off, no light groups, light paths off and no mistake; leave out "
-                "the card",
+                "sample, caustics off and no mistake; leave out the card",
             )
         )
 
@@ -501,14 +501,9 @@ def warm_up(
     if not jit.is_cached(name):
         copy_shipped_kernels(jit.cache_folder())
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
-    nothing = with_group_planes(example(), settings.group_names)
-    nothing = strip_absent_features(nothing, variant, bool(settings.light_groups), settings.has_light_paths)
+    nothing, _ = example_of(f"{variant}{variant_suffix(settings)}")
     if samples_caustics(settings):
         nothing = nothing._replace(caustics=example_tables())
-    if samples_guide(settings):
-        nothing = nothing._replace(path_guide=empty_guide())
-    if settings.is_spectral:
-        nothing = nothing._replace(spectrum=empty_spectrum_tables())
     with (
         helpers or helpers_for(settings, variant) as helping,
         jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold,
@@ -518,14 +513,19 @@ def warm_up(
         _render(nothing, settings, Tile(0, 0, 0, 0), 0, 0)
         if samples_caustics(settings):
             warm_up_photons(nothing)
-        if samples_guide(settings):
-            warm_up_pilot(strip_absent_features(example(), _pilot_variant(variant)), settings)
+        warm_up_guide(settings, variant)
         helping.finish()
         if prepares:
             prepare_first() if name == kernel_name() else prepare()
     if prepares:
         load_preparing()
     return time.perf_counter() - begin
+
+
+def warm_up_guide(settings: RenderSettings, variant: str) -> None:
+    """Compiles or loads the kernel that trains a path guide, if the settings ask for one. variant: of the kernel for images."""
+    if samples_guide(settings):
+        warm_up_pilot(strip_absent_features(example(), _pilot_variant(variant)), settings)
 
 
 def load_preparing() -> None:

@@ -155,7 +155,7 @@ class Farm:
         self.broadcast.open(loop)
         self.reserve.refill()
         try:
-            self.garbage.adopt_unreferenced(self.blobs.sweep(self.records.blobs()))
+            self.garbage.adopt_unreferenced(self.blobs.sweep(self.records.blobs() | self.engine.denoised_blobs()))
         except FarmError as error:
             log.warning("unreferenced blobs are not deleted yet: %s", error)
         for part in self._parts:

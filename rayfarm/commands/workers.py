@@ -14,6 +14,7 @@ from rayfarm.console import out
 from rayfarm.errors import CommandError
 from rayfarm.login import farm_client
 from rayfarm.responses import Card, Worker
+from rayfarm.watch.words import format_count
 
 __all__ = ["register"]
 
@@ -88,7 +89,7 @@ def workers(
 
 
 def _card_line(card: Card) -> str:
-    speed = f", {card.samples_per_s / 1e6:.1f} million samples/s" if card.samples_per_s else ""
+    speed = f", {format_count(card.samples_per_s)} samples/s" if card.samples_per_s else ""
     return f"renders with card {card.number}: {card.name}, {card.memory / 2**30:.0f} GiB{speed}"
 
 

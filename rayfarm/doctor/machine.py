@@ -66,13 +66,18 @@ def _compiler() -> Finding:
 
 
 def _cards() -> Iterator[Finding]:
-    from renderer.cuda.cards import NOT_YET_TRIED, described, find_cards
+    """Checks the graphics cards: a driver that could be better is a note, a card that cannot render is as it is."""
+    from renderer.cuda.cards import NOT_YET_TRIED, described, find_cards, has_nvidia_hardware
 
     cards = find_cards()
     for card in cards.usable:
-        yield fine("Card", f"{described(card)}; used with --gpu only ({NOT_YET_TRIED}).")
+        yield fine("Card", f"Card {described(card)}; used only if you give --gpu ({NOT_YET_TRIED}).")
     for reason in cards.refused:
-        yield fine("Card", reason)
+        code = getattr(reason, "code", "")
+        by_driver = code in ("cards-driver-too-old", "cards-driver-not-started") or (
+            code == "cards-unused" and has_nvidia_hardware()
+        )
+        yield note_finding("Card", reason) if by_driver else fine("Card", reason)
 
 
 def _denoiser() -> Finding:

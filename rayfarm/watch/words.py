@@ -7,7 +7,7 @@ from rich.cells import cell_len, set_cell_size
 from rayfarm.responses import Frame, Job
 from renderer.printable import one_line
 
-__all__ = ["fit_columns", "frame_title", "progress_text"]
+__all__ = ["fit_columns", "format_count", "frame_title", "progress_text"]
 
 BAR_WIDTH = 24  # cells
 EIGHTHS = " ▏▎▍▌▋▊▉█"
@@ -18,7 +18,7 @@ def progress_text(job: Job, with_bar: bool = False) -> str:
     done = f"{100 * job.progress:.0f} %"
     parts = [job.message or job.state, f"{_bar(job.progress)} {done}" if with_bar else done]
     if job.samples_per_s and not job.is_over:
-        parts.append(f"{_format_count(job.samples_per_s)} samples/s")
+        parts.append(f"{format_count(job.samples_per_s)} samples/s")
     if job.eta_s is not None and not job.is_over:
         parts.append(f"{_format_duration(job.eta_s)} left")
     elif job.active_s:
@@ -57,11 +57,12 @@ def _bar(progress: float) -> str:
     return f"▕{('█' * full + (EIGHTHS[rest] if full < BAR_WIDTH else '')).ljust(BAR_WIDTH)}▏"
 
 
-def _format_count(number: float) -> str:
+def format_count(number: float) -> str:
+    """Returns a number with three digits and a letter for its size: `12.3 M`."""
     for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
         if number >= size:
             return f"{number / size:.3g} {letter}"
-    return f"{number:.3g} "
+    return f"{number:.3g}"
 
 
 def _format_duration(seconds: float) -> str:

@@ -44,7 +44,8 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "links": len(scene.object_links) > 0,
         "pivots": len(scene.pivot) > 0,
         "grids": len(scene.volume) > 0,
-        "hair": "hair" in parts,
+        "hair": "hair" in parts or "huang" in parts,
+        "huang": "huang" in parts,
         "visibility": len(scene.bvh.ray_roots) > 2,
         "reflections": bool(flags & rows.REFLECTIONS),
     }
@@ -54,6 +55,8 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
 
 def moving_variant(scene: CompiledScene) -> str:
     """Returns the variant for kernels that only need what rays hit, at any time: with curves if the scene may have some."""
+    if rows.HUANG in scene.material_kind:
+        return "moving-huang"
     return "moving-hair" if rows.HAIR in scene.material_kind else "moving"
 
 

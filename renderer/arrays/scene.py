@@ -18,6 +18,7 @@ from renderer.arrays.rows import (
     COLUMNS,
     ENCODING,
     HAIR,
+    HUANG,
     LIGHT_ROOT_BIT,
     LINEAR_16,
     MEDIUM_COLUMNS,
@@ -392,7 +393,9 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     beyond = np.where(leaves & LEAF_KIND == INSTANCE, lengths["I"], lengths["C"])
     if int(children.max(initial=0)) >= lengths["N"] or not (leaves >> 2 < beyond).all():
         raise SceneError("the BVH points outside its nodes")
-    if (leaves & LEAF_KIND == CURVES).any() and not (HAIR in arrays["material_kind"] and len(arrays["tangent"])):
+    if (leaves & LEAF_KIND == CURVES).any() and not (
+        np.isin(arrays["material_kind"], (HAIR, HUANG)).any() and len(arrays["tangent"])
+    ):
         raise SceneError("the BVH has curves, which only scenes with hair and tangents may have")
     numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
     if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:

@@ -30,6 +30,7 @@ class SceneFeatures(NamedTuple):
     by_light: Any = None  # either
     visibility: Any = None  # of objects and lights by kind of ray, and shadow links (renderer/kernel/steps/ray_kind.py)
     reflections: Any = None  # on reflection catchers (renderer/kernel/steps/catch_reflections.py)
+    huang: Any = None  # the second hair BSDF (renderer/kernel/bsdf/huang.py)
 
 
 # From the fastest to compile and run to the most complete. All combinations would be 4,096 variants, each compiled at its first
@@ -51,6 +52,10 @@ KERNEL_VARIANTS = {
     "catchers": SceneFeatures(True, True, True, True, None, None, None, None, None, None, None, None, reflections=True),
     "moving-catchers": SceneFeatures(
         True, True, True, True, True, True, True, True, True, True, True, None, visibility=True, reflections=True
+    ),
+    "huang": SceneFeatures(True, True, True, True, None, None, None, None, None, None, True, None, huang=True),
+    "moving-huang": SceneFeatures(
+        True, True, True, True, True, True, True, True, True, True, True, None, visibility=True, reflections=True, huang=True
     ),
 }
 EVERYTHING = KERNEL_VARIANTS["full"]  # of static scenes

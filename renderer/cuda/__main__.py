@@ -1,4 +1,7 @@
-"""`python -m renderer.cuda`: builds the PTX of kernel variants into the cache, without a GPU; prints each file's path."""
+"""`python -m renderer.cuda`: builds the PTX of kernel variants into the cache, without a GPU; prints each file's path.
+
+Those for pictures by wavelength and for guided paths are built with `--spectral` and `--guided` alone, else at their first use.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,11 @@ from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cuda.artefacts import path_of, ptx_of
 from renderer.cuda.cards import NOT_YET_TRIED
 from renderer.printable import printable
+from renderer.variant_names import GUIDED_SUFFIX, SPECTRAL_SUFFIX
 
 __all__ = ["main"]
+
+_PLAIN, *_ = KERNEL_VARIANTS
 
 
 def main() -> None:
@@ -19,10 +25,19 @@ def main() -> None:
         prog="python -m renderer.cuda", description=f"Builds the kernels for NVIDIA cards, without a card ({NOT_YET_TRIED})."
     )
     parser.add_argument("variants", nargs="*", metavar="VARIANT", help=f"of {', '.join(KERNEL_VARIANTS)}; by default all")
-    wanted = parser.parse_args().variants or list(KERNEL_VARIANTS)
-    if unknown := [name for name in wanted if name not in KERNEL_VARIANTS]:
-        parser.error(f"there is no kernel {', '.join(unknown)}; known are {', '.join(KERNEL_VARIANTS)}")
-    for variant in wanted:
+    more = parser.add_mutually_exclusive_group()
+    for option, suffix, said in (
+        ("--spectral", SPECTRAL_SUFFIX, f"`spectral: on`, which has no kernel {_PLAIN}"),
+        ("--guided", GUIDED_SUFFIX, "`guiding: on` and `auto`"),
+    ):
+        more.add_argument(option, dest="suffix", action="store_const", const=suffix, default="", help=f"those for {said}")
+    options = parser.parse_args()
+    known = [name for name in KERNEL_VARIANTS if (name, options.suffix) != (_PLAIN, SPECTRAL_SUFFIX)]
+    wanted = options.variants or known
+    if unknown := [name for name in wanted if name not in known]:
+        parser.error(f"there is no kernel {', '.join(unknown)}; known are {', '.join(known)}")
+    for name in wanted:
+        variant = f"{name}{options.suffix}"
         begin = time.perf_counter()
         size = len(ptx_of(variant))
         print(printable(f"{variant}: {size / 1e6:.1f} MB, {time.perf_counter() - begin:.1f} s, {path_of(variant)}"), flush=True)

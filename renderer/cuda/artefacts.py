@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from renderer.machine_code import SUFFIX, note_file
 from renderer.reference import Reference
 from renderer.shipped_kernels import copy_shipped_kernels
 from renderer.target import KernelDispatcher
+from renderer.variant_names import base_variant
 
 __all__ = ["card_module_of", "kernel_name", "path_of", "ptx_of"]
 
@@ -32,10 +34,10 @@ def kernel_name(variant: str) -> str:
 
 
 def ptx_of(variant: str, fetch: Callable[[str], None] | None = None) -> str:
-    """Returns the PTX of a variant's kernels (renderer/arrays/scene_features.py) from the cache, or builds it in a minute.
+    """Returns the PTX of a variant's kernels from the cache, or builds it in a minute.
 
-    fetch: called with the kernel's name before it is built; may fetch the file from another host. Raises InexactError if the
-    kernel needs an operation that graphics cards lack or round differently.
+    variant: named as in renderer/variant_names.py. fetch: called with the kernel's name before it is built; may fetch the file
+    from another host. Raises InexactError if the kernel needs an operation that graphics cards lack or round differently.
     """
     name = kernel_name(variant)
     path = path_of(variant)
@@ -55,7 +57,7 @@ def card_module_of(variant: str) -> Any:
 
     Raises InexactError as `ptx_of` does.
     """
-    kind, kernels = wave_type(variant), kernels_of(KERNEL_VARIANTS[variant])
+    kind, kernels = wave_type(variant), kernels_of(KERNEL_VARIANTS[base_variant(variant)])
     context = KernelDispatcher.targetdescr.target_context
     size = context.get_abi_sizeof(context.get_value_type(kind))
     linked = {kernel: linked_module(function, (Reference(kind), types.int64)) for kernel, function in kernels.items()}
@@ -64,7 +66,7 @@ def card_module_of(variant: str) -> Any:
 
 def path_of(variant: str) -> Path:
     """Returns the path of a variant's PTX in the cache."""
-    assert variant in KERNEL_VARIANTS
+    assert base_variant(variant) in KERNEL_VARIANTS
     return jit.cache_folder() / _FOLDER / f"{variant}{SUFFIX}"
 
 
@@ -73,16 +75,19 @@ def _read(path: Path) -> str | None:
         found = read_private(path)
     except OSError:
         return None
-    return None if found is None else found.decode("ascii")
+    try:
+        return None if found is None else zlib.decompress(found).decode("ascii")
+    except (zlib.error, UnicodeDecodeError):  # a damaged file is built again
+        return None
 
 
 def _write(path: Path, text: str) -> None:
-    """Writes the file atomically. If it cannot be written, the next process builds the kernel again."""
+    """Writes the file atomically, compressed to a fifth. If it cannot be written, the next process builds the kernel again."""
     beside = path.with_name(f".part-{os.getpid()}-{path.name}")
     try:
         make_private(path.parent)
         beside.touch(0o600)
-        beside.write_text(text)
+        beside.write_bytes(zlib.compress(text.encode("ascii")))
         beside.replace(path)
     except OSError:
         with contextlib.suppress(OSError):

@@ -127,7 +127,7 @@ def reasons_unused(cards: Cards, used: Iterable[Card]) -> list[str]:
         Sentence(
             "card-not-chosen",
             "Card {number}: {name}, {memory} GiB, compute capability {capability} is not used. To use it, start the worker with "
-            "--gpu {number}.",
+            "{number} in --gpu.",
             number=card.number,
             name=card.name,
             memory=_gibibytes(card),

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numba import typeof
 
-from renderer.arrays.kernel_variant import strip_absent_features
-from renderer.arrays.scene import CompiledScene, example
+from renderer.arrays.scene import CompiledScene
 from renderer.bvh.compressed_tree import LEAF_NUMBERS, NODE_WORDS, CompressedTree
 from renderer.cryptomatte import NOT_FINITE
 from renderer.film import plane_count
@@ -16,14 +15,22 @@ from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cpu.rows import LAYOUT
 from renderer.kernel.backends.cuda.wavefront import COUNTERS, LISTS, Wave
 from renderer.kernel.camera import Camera, camera_frame
+from renderer.kernel.light_groups import GROUP_ROW
 from renderer.kernel.options import Options, kernel_options
-from renderer.settings import RenderSettings, View
+from renderer.variant_names import example_of
 
-__all__ = ["BYTES_PER_PATH", "wave_for", "wave_type"]
+__all__ = ["bytes_per_path", "wave_for", "wave_type"]
 
-BYTES_PER_PATH = 2 * 4 * (LAYOUT.width + LISTS) + 8  # of a Wave's arrays
-_PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 _NOTHING: Any = None  # replaces the arrays of the processor's tree
+
+
+def bytes_per_path(options: Options) -> int:
+    """Returns how many bytes a path takes in the arrays of a Wave with these options."""
+    return 2 * 4 * (_columns(options) + LISTS) + 8
+
+
+def _columns(options: Options) -> int:
+    return LAYOUT.width + int(options.group_rows) * GROUP_ROW
 
 
 def wave_for(
@@ -42,17 +49,18 @@ def wave_for(
     scene: with a compressed tree, in the form that the variant's kernels expect. recorded: number of columns of the records of
     samples; 0 for no records. The rows and lists of the paths are not initialised.
     """
-    pool, lists = np.empty((LAYOUT.width, 2 * paths), np.float32), np.empty((LISTS, 2 * paths), np.uint32)
+    pool, lists = np.empty((_columns(options), 2 * paths), np.float32), np.empty((LISTS, 2 * paths), np.uint32)
     lengths, branches = np.zeros(LISTS, np.int64), np.empty(paths, np.int64)
-    film = np.zeros((plane_count(0, options.transparent_background), height, width), np.int64)
+    planes = plane_count(int(options.groups) + int(options.paths), options.transparent_background)
+    film = np.zeros((planes, height, width), np.int64)
     counters = np.zeros(COUNTERS, np.int64)
     records = np.full((width * height * batch.count if recorded else 0, recorded or 2), NOT_FINITE, np.uint32)
     return Wave(scene, camera, options, batch, film, counters, pool, lists, lengths, branches, records, np.bool_(second))
 
 
 def wave_type(variant: str) -> Any:
-    """Returns the Numba type of Wave for a kernel variant (renderer/arrays/scene_features.py)."""
-    scene = strip_absent_features(example(), variant)
+    """Returns the Numba type of Wave for a kernel variant, named as in renderer/variant_names.py."""
+    scene, settings = example_of(variant)
     tree = CompressedTree(np.zeros((1, NODE_WORDS), np.uint32), np.zeros((1, LEAF_NUMBERS), np.float32))
     scene = scene._replace(bvh=scene.bvh._replace(node=_NOTHING, packet=_NOTHING, compressed=tree))
-    return typeof(wave_for(scene, camera_frame(_PICTURE), kernel_options(_PICTURE, scene), Batch(0, 0, 0, 0), 0, 0, paths=1))
+    return typeof(wave_for(scene, camera_frame(settings), kernel_options(settings, scene), Batch(0, 0, 0, 0), 0, 0, paths=1))

@@ -15,7 +15,7 @@ from renderer.bvh.compress import compressed
 from renderer.bvh.layout import Bvh
 from renderer.cuda.artefacts import ptx_of
 from renderer.cuda.driver import LIBRARY, Card, Device, Driver, DriverError, Kernel
-from renderer.cuda.job import BYTES_PER_PATH, wave_for
+from renderer.cuda.job import bytes_per_path, wave_for
 from renderer.cuda.turns import paths_for, take_turns
 from renderer.errors import MachineError, SceneError
 from renderer.film import Sums
@@ -64,7 +64,7 @@ class CardRenderer:
         self._kernels: dict[str, tuple[dict[str, Kernel], int]] = {}  # of a variant: its kernels by name, and their wave's size
         # The arrays in the card's memory by their place in the CPU's. They are kept, so that no other array takes their place.
         self._arrays: dict[tuple[int, int], tuple[npt.NDArray[Any], int]] = {}
-        self._rows: tuple[int, list[int]] = 0, []  # of a Wave: how many paths they are for, and their addresses
+        self._rows: tuple[list[int], list[int]] = [], []  # of a Wave's arrays for paths: their sizes in bytes, and addresses
         self._tree: tuple[Bvh, Bvh] | None = None  # of the last scene: the CPU's, and the compressed one
 
     def has_kernel(self, variant: str) -> bool:
@@ -126,7 +126,7 @@ class CardRenderer:
     def close(self) -> None:
         """Frees the memory and kernels on the graphics card."""
         self._arrays.clear()
-        self._rows = 0, []
+        self._rows = [], []
         self._tree = None
         self._device.close()
 
@@ -141,12 +141,12 @@ class CardRenderer:
         height: int,
         recorded: int,
     ) -> Rendered:
-        paths = paths_for(width * height * batch.count, self.card.memory, BYTES_PER_PATH)
+        paths = paths_for(width * height * batch.count, self.card.memory, bytes_per_path(options))
         scene = scene._replace(bvh=self._compressed(scene.bvh))
         wave = wave_for(scene, camera, options, batch, width, height, paths, recorded=recorded)
         self._free_others(wave)
         with self._results(wave.film, wave.counters, wave.lengths, wave.records) as own:
-            own.update(self._path_memory(wave, paths))
+            own.update(self._path_memory(wave))
             address = self._addresses(own)
             data = [packed(wave._replace(second=np.bool_(second)), address) for second in (False, True)]
 
@@ -172,15 +172,16 @@ class CardRenderer:
             for address in own.values():
                 self._device.free(address)
 
-    def _path_memory(self, wave: Wave, paths: int) -> dict[int, int]:
-        """Returns the GPU memory of a Wave's rows: id -> address. It is kept for the next one with as many paths."""
+    def _path_memory(self, wave: Wave) -> dict[int, int]:
+        """Returns the GPU memory of a Wave's rows: id -> address. It is kept for the next one of the same size."""
         arrays = wave.pool, wave.lists, wave.branches
-        if self._rows[0] != paths:
+        sizes = [array.nbytes for array in arrays]
+        if self._rows[0] != sizes:
             for address in self._rows[1]:
                 self._device.free(address)
-            self._rows = 0, []
+            self._rows = [], []
             addresses: list[int] = []
-            self._rows = paths, addresses
+            self._rows = sizes, addresses
             addresses += (self._device.allocate(array.nbytes) for array in arrays)
         return {id(array): address for array, address in zip(arrays, self._rows[1], strict=True)}
 

@@ -1,7 +1,7 @@
 """Light groups in kernels: which group a light belongs to, the light of each group that a path gathers, and its exact sum.
 
 A path's light by group lies in a table of float32 rows, one for each group: in the scalar backend behind the first hit, in the
-pool behind the rows of the paths.
+pool and on a graphics card behind the rows of the paths.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.jit import device
+from renderer.jit import device, template
 from renderer.kernel import vec
 from renderer.kernel.fixed_point import fixed
 from renderer.wide.fields import Int, Layout, Vector, accessors
@@ -22,6 +22,7 @@ __all__ = [
     "GroupLight",
     "add_group_light",
     "add_sample_by_group",
+    "add_to_plane",
     "forget_groups",
     "gather_group",
     "group_of_environment",
@@ -51,8 +52,7 @@ class ChosenGroup(NamedTuple):
 
 _LAYOUT = Layout((GroupLight, ChosenGroup))
 GROUP_ROW = _LAYOUT.width  # float32 in a row of the table
-gather_group, scatter_group = accessors(_LAYOUT)
-_WIDTH = np.uintp(GROUP_ROW)
+gather_group, scatter_group = accessors(_LAYOUT, row_major=True)
 
 
 @device
@@ -100,9 +100,8 @@ def add_group_light(table, row, brought, mask):
 @device
 def forget_groups(table, row, count):
     """Sets `count` rows of the table, from row number `row` on, to 0."""
-    first = np.uintp(row) * _WIDTH
-    for k in range(np.uintp(count) * _WIDTH):
-        table[first + np.uintp(k)] = _ZERO
+    for k in range(count):
+        scatter_group(table, np.uintp(row) + np.uintp(k), GroupLight((_ZERO, _ZERO, _ZERO)))
 
 
 @device
@@ -113,7 +112,21 @@ def _whole(total, scale, most):
 
 
 @device
-def add_sample_by_group(planes, place, stride, table, first, second, count, radiance, scale):
+def add_to_plane(planes, index, value):
+    """Adds `value` to element `index` of `planes`, a flat int64 array."""
+    planes[index] += value
+
+
+@device
+def _light_of(table, first, second, k, channel):
+    """Returns a channel of the light of group number k, of both branches."""
+    one = gather_group(table, np.uintp(first) + np.uintp(k), GroupLight).light
+    other = gather_group(table, np.uintp(second) + np.uintp(k), GroupLight).light
+    return one[channel] + other[channel]
+
+
+@template
+def add_sample_by_group(planes, place, stride, table, first, second, count, radiance, scale, add):
     """Adds a sample's light by group to fixed-point sums, so that its groups add up to the sample's colour, integer by integer.
 
     The groups are rounded as a running sum: group k adds what the sum of the groups up to k, rounded, has more than that of the
@@ -121,23 +134,22 @@ def add_sample_by_group(planes, place, stride, table, first, second, count, radi
     value, apart from the rounding of float32 sums, and is 0 where it has no light. No group is negative unless some light is, as
     light at a wavelength can be in Rec.709.
 
-    planes: flat int64 array, with three channels for each group. place: index of the first channel. stride: from one channel to
+    planes: int64 array, with three channels for each group. place: flat index of the first channel. stride: from one channel to
     the next. table: float32 rows (GROUP_ROW). first, second: first rows of the path's two branches. count: number of groups.
-    radiance: the sample's colour. scale: 2**film_exponent.
+    radiance: the sample's colour. scale: 2**film_exponent. add: `add_to_plane`, or what takes its place.
     """
     for channel in range(3):
         whole, last, most = fixed(radiance[channel], scale), _NONE, fixed(radiance[channel], scale)
         for k in range(count):
-            a, b = (np.uintp(first) + np.uintp(k)) * _WIDTH, (np.uintp(second) + np.uintp(k)) * _WIDTH
-            light = table[a + np.uintp(channel)] + table[b + np.uintp(channel)]
+            light = _light_of(table, first, second, k, channel)
             if light != _ZERO:
                 last = np.int64(k)
             if light < _ZERO:
                 most = _ANY
         total, before = _ZERO, _NONE
         for k in range(count):
-            a, b = (np.uintp(first) + np.uintp(k)) * _WIDTH, (np.uintp(second) + np.uintp(k)) * _WIDTH
-            total += table[a + np.uintp(channel)] + table[b + np.uintp(channel)]
+            total += _light_of(table, first, second, k, channel)
             upto = whole if np.int64(k) >= last else _whole(total, scale, most)
-            planes[place + (np.uintp(3 * k) + np.uintp(channel)) * stride] += upto - before
+            if upto != before:
+                add(planes, place + (np.uintp(3 * k) + np.uintp(channel)) * stride, upto - before)
             before = upto

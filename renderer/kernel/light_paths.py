@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.jit import device
+from renderer.jit import device, template
 from renderer.kernel import vec
-from renderer.kernel.light_groups import GROUP_ROW, GroupLight, add_group_light, scatter_group
+from renderer.kernel.light_groups import GROUP_ROW, GroupLight, add_group_light, add_sample_by_group, scatter_group
 from renderer.settings import LIGHT_PATHS
 from renderer.wide.fields import Float, Layout, Vector, accessors
 from renderer.wide.values import as_wide, u32, where, where3, zero_like
@@ -28,6 +28,7 @@ __all__ = [
     "OTHER_ROWS",
     "PathShare",
     "add_path_light",
+    "add_sample_by_light",
     "add_sampled_path_light",
     "diffuse_fraction",
     "forget_lights",
@@ -58,7 +59,7 @@ class PathShare(NamedTuple):
 
 _LAYOUT = Layout(PathShare)
 assert _LAYOUT.width == GROUP_ROW
-_gather_share, _scatter_share = accessors(_LAYOUT)
+_gather_share, _scatter_share = accessors(_LAYOUT, row_major=True)
 
 
 @device
@@ -138,3 +139,17 @@ def add_sampled_path_light(table, row, options, brought, bounces, mask):
     is_first = bounces < _TWO
     share = PathShare(where3(is_first, here.diffuse, before.diffuse), where(is_first, here.kind, before.kind))
     _add(table, first, share, brought, bounces, EMISSION, mask)
+
+
+@template
+def add_sample_by_light(planes, place, stride, table, rows, counts, radiance, scale, add):
+    """Adds a sample's light by group and, behind that, by path to fixed-point sums.
+
+    rows: first rows of the path's two branches. counts: numbers of groups and of paths; one may be 0. All else: as for
+    `add_sample_by_group`.
+    """
+    (first, second), (groups, paths) = rows, counts
+    add_sample_by_group(planes, place, stride, table, first, second, groups, radiance, scale, add)
+    behind = np.uintp(groups) + np.uintp(_BEHIND)
+    place += np.uintp(3) * np.uintp(groups) * stride
+    add_sample_by_group(planes, place, stride, table, first + behind, second + behind, paths, radiance, scale, add)

@@ -44,6 +44,7 @@ from renderer.scene.placed_bodies import PlacedGeometry, place_geometry
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.scene_bvh import build_scene_bvh
 from renderer.scene.studio import WEAK_LIGHTS_WARNING, light_studio
+from renderer.scene.tangents import has_elliptic_fibres
 from renderer.scene.targets import list_targets
 from renderer.scene.visibility import Visibility, tabulate_visibility
 from renderer.scene.volumes import tabulate_volumes
@@ -140,7 +141,7 @@ def _compile(description: SceneDescription, say: Progress, brute: bool, team: Te
         position=geometry.position,
         normal=geometry.normal,
         uv=geometry.uv,
-        uv1=geometry.uv1 if any(t.uv_set == 1 for t in description.textures) else geometry.uv1[:0],
+        uv1=geometry.uv1 if _has_second_uvs(description) else geometry.uv1[:0],
         color=geometry.color,
         tangent=geometry.tangent,
         triangle=joined.triangle,
@@ -215,6 +216,11 @@ def _compile(description: SceneDescription, say: Progress, brute: bool, team: Te
 def _environment(description: SceneDescription) -> tuple[EnvironmentTables, dict[str, Any]]:
     tables = tabulate_environment(description)
     return tables, search_tables(tables.marginal, tables.conditional)
+
+
+def _has_second_uvs(description: SceneDescription) -> bool:
+    """Returns True if a kernel needs the second UV set: for textures, or as the normals of elliptic fibres."""
+    return any(t.uv_set == 1 for t in description.textures) or has_elliptic_fibres(description)
 
 
 def _environment_image(description: SceneDescription) -> np.ndarray | None:

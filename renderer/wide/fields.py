@@ -160,25 +160,28 @@ def _bool(builder: Any, value: Any) -> Any:
     return builder.trunc(value, _I1) if isinstance(value.type, ir.IntType) and value.type.width > 1 else value
 
 
-def _addresses(context: Any, builder: Any, kind: Any, table: Any, row: Any, width: int, columns: range) -> list[Any]:
-    """Emits code that computes the addresses of these columns of one row. kind: the table's type, see `accessors`."""
+def _addresses(
+    context: Any, builder: Any, kind: Any, table: Any, row: Any, width: int, columns: range, row_major: bool
+) -> list[Any]:
+    """Emits code that computes the addresses of these columns of one row. kind: the table's type; row_major: see `accessors`."""
     array = context.make_array(kind)(context, builder, table)
     data = builder.bitcast(array.data, _FLOAT.as_pointer())
     row = builder.zext(row, _I64) if row.type.width < _I64.width else row
-    if kind.ndim == 1:
+    if kind.ndim == 1 or row_major:
         first = builder.gep(data, [builder.add(builder.mul(row, _I64(width)), _I64(columns.start))])
         return [builder.gep(first, [_I64(k)]) for k in range(len(columns))]
     rows = builder.extract_value(array.shape, 1)
     return [builder.gep(data, [builder.add(builder.mul(rows, _I64(column)), row)]) for column in columns]
 
 
-def accessors(layout: Layout) -> tuple[Any, Any]:
+def accessors(layout: Layout, row_major: bool = False) -> tuple[Any, Any]:
     """Returns (gather, scatter) for table rows with this layout, to be called in kernels.
 
     gather(table, rows, Tuple) returns the named tuple of one row or of eight rows (u32x8) of a C-contiguous float32 table.
     scatter(table, rows, value) writes a tuple; if several lanes have the same row, the last lane is written last. Indices are not
     checked. A table of one dimension has its rows one after the other. One of two, (columns, rows), has its columns one after the
     other, so that the threads of a graphics card, a row each, read adjacent numbers; only single rows of it can be accessed.
+    row_major: rows are one after the other in a table of two dimensions, too, counted from its first number on.
     """
 
     @intrinsic
@@ -191,7 +194,8 @@ def accessors(layout: Layout) -> tuple[Any, Any]:
                 data = context.make_array(sig.args[0])(context, builder, args[0]).data
                 columns = emit_gather(builder, data, args[1], _I64(layout.width), _I64(first), count)
             else:
-                places = _addresses(context, builder, sig.args[0], args[0], args[1], layout.width, range(first, first + count))
+                every = range(first, first + count)
+                places = _addresses(context, builder, sig.args[0], args[0], args[1], layout.width, every, row_major)
                 columns = [builder.load(each) for each in places]
             parts = []
             for place, kind in zip(_places(named).values(), result.types, strict=True):
@@ -214,7 +218,7 @@ def accessors(layout: Layout) -> tuple[Any, Any]:
                     emit_scatter(builder, data, args[1], _I64(layout.width), _I64(first + group), columns[group : group + _GROUP])
             else:
                 every = range(first, first + len(columns))
-                places = _addresses(context, builder, sig.args[0], args[0], args[1], layout.width, every)
+                places = _addresses(context, builder, sig.args[0], args[0], args[1], layout.width, every, row_major)
                 for number, place in zip(columns, places, strict=True):
                     builder.store(number, place)
             return context.get_dummy_value()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
+from functools import partial
 
 from anyio.to_thread import run_sync
 
@@ -14,9 +16,9 @@ from service.farm import Farm
 from service.jobs.describe_frames import frame_numbers
 from service.jobs.frame_scene import frame_scene
 from service.jobs.motion import vectors_artifact
-from service.scheduling.artifacts.artifact_task import ArtifactResult
+from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.store.films import Film
-from service.store.models import Frame, Job, Scene
+from service.store.models import FINAL_STATES, Frame, Job, Scene
 
 __all__ = ["denoised_artifact"]
 
@@ -29,18 +31,24 @@ async def denoised_artifact(
     """Returns a denoised frame once a worker has made it. Occupies no thread meanwhile, since many clients may wait.
 
     in_shot: averages it with its finished neighbours along their motion vectors. It is denoised alone if it has none, or if the
-    vectors cannot be made. is_preview: the latest preview, of an unfinished film. Raises FarmError.
+    vectors cannot be made. is_preview: the latest preview, unless the frame itself is stored already. Raises FarmError.
     """
+    key = frame_key(n)
     if is_preview:
-        return await asyncio.shield(asyncio.wrap_future(await run_sync(farm.engine.denoise_preview, job.id, frame_key(n), film)))
+        stored = await run_sync(farm.engine.denoised, job.id, key, film)
+        if stored is not None:
+            return stored
+        request = partial(farm.engine.denoise_preview, job.id, key, film, is_final=job.state in FINAL_STATES)
+        return replace(await asyncio.shield(asyncio.wrap_future(await run_sync(request))), is_preview=True)
     frames = await _with_neighbours(job, n, film, farm) if in_shot else ()
-    guide = None if frames else await run_sync(_guide, job, frame_key(n), farm)
+    guide = None if frames else await run_sync(_guide, job, key, farm)
     for _ in range(_ATTEMPTS):
-        made = await run_sync(farm.engine.denoise, job.id, frame_key(n), film, frames, guide)
+        made = await run_sync(farm.engine.denoise, job.id, key, film, frames, guide)
         # Shielded: a client that disconnects must not cancel the work for other clients.
         found = await asyncio.shield(asyncio.wrap_future(made))
         if (VERSION_SEPARATOR in found.version) == bool(frames):
             break  # otherwise it was requested by another client, in the other way
+    await run_sync(farm.engine.release_preview, job.id, key)
     return found
 
 

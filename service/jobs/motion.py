@@ -15,7 +15,7 @@ from renderer.sentences import Sentence
 from service.errors import Conflict
 from service.farm import Farm
 from service.intake.frame_view import requested_view
-from service.scheduling.artifacts.artifact_task import ArtifactResult
+from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.shot import Shot, variation_of
 from service.store.films import Film
 from service.store.models import Job, Scene

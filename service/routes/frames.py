@@ -68,8 +68,9 @@ IN_SHOT_HELP = (
     "that the shot flickers less; waits for the vectors, too"
 )
 PREVIEW_HELP = (
-    "with denoise, while the job renders: a quick denoised preview, of the samples that X-Samples says; it is renewed when they "
-    "have doubled, and for at most a twentieth of the workers' time"
+    "with denoise: a quick denoised preview, of the samples that X-Samples says, unless the denoised picture of all samples is "
+    "stored already; the response then has X-Preview: true. While the job renders it is renewed when the samples have doubled, "
+    "and for at most a twentieth of the workers' time"
 )
 MIX_HELP = (
     "the colour as a weighted sum of the job's light groups: NAME:GAIN or NAME:RED/GREEN/BLUE, separated by commas, as "
@@ -164,7 +165,7 @@ async def image(
     planes, in_layers = _requested_planes(aov, job)
     if in_shot and not denoise:
         raise Invalid(Sentence("in-shot-needs-denoise", "in_shot: only a denoised picture is averaged; add denoise=true."))
-    is_preview = preview and denoise and not in_shot and job.state not in FINAL_STATES
+    is_preview = preview and denoise and not in_shot
     if denoise and planes:
         raise Invalid(Sentence("denoise-only-colour", "denoise: only the colour can be denoised; leave aov out."))
     gains = gains_of_mix(mix, group_names((job.settings or {}).get("light_groups", "")))
@@ -179,11 +180,13 @@ async def image(
         await denoised_artifact(job, n, film, farm, in_shot=in_shot, is_preview=is_preview) if denoise and not asks_head else None
     )
     if denoised is not None:
-        version, samples = denoised.version, denoised.samples
+        version, samples, is_preview = denoised.version, denoised.samples, denoised.is_preview
     clean = f"{denoise}{is_preview}"
     key = f"{version} {clean} {extension} {planes} {in_layers} {exposure} {key_of(curve)} {width} {visible} {gains} {gain_map}"
     headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
     headers[SAMPLES_HEADER] = str(samples)
+    if is_preview:
+        headers["X-Preview"] = "true"
     known = request.headers.get("if-none-match", "")
     if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)

@@ -24,7 +24,7 @@ from renderer.sentences import Sentence
 from service.errors import FarmError, QueueError
 from service.events import Events, PreparationRequested, RowWritten
 from service.scheduling.answers import Answers
-from service.scheduling.artifacts.artifact_task import ArtifactResult
+from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.artifacts import ArtifactTasks
 from service.scheduling.changes import Changes
 from service.scheduling.dispatching.dispatcher import Dispatcher
@@ -225,7 +225,6 @@ class Engine:
 
         frames, guide: as in DenoiseFrame.
         """
-        self._artifact_tasks.previews.release(job, frame)
         request = DenoiseFrame("", job, frame, film.width, film.height, frames, guide=guide)
         version = VERSION_SEPARATOR.join(film.version(each) for each, _ in frames or ((frame, ""),))
         return self._with_wake_up(self._artifact_tasks.denoising.request(request, version))
@@ -233,13 +232,25 @@ class Engine:
     def _has_viewers(self) -> bool:
         return any(each.has_unfinished() for each in self._viewing)
 
-    def denoise_preview(self, job: str, frame: int, film: Film) -> Future[ArtifactResult]:
-        """Returns the latest preview of a frame that is being rendered, or requests one if it is due (previews.py).
+    def denoise_preview(self, job: str, frame: int, film: Film, *, is_final: bool) -> Future[ArtifactResult]:
+        """Returns the latest preview of a frame (previews.py), or requests one if it is due.
 
-        Raises Unavailable if no worker can denoise.
+        is_final: whether the job has ended. Raises Unavailable if no worker can denoise.
         """
         request = DenoiseFrame("", job, frame, film.width, film.height, is_preview=True)
-        return self._with_wake_up(self._artifact_tasks.previews.latest(request, film.samples(frame)))
+        return self._with_wake_up(self._artifact_tasks.previews.latest(request, film.samples(frame), is_final=is_final))
+
+    def denoised(self, job: str, frame: int, film: Film) -> ArtifactResult | None:
+        """Returns the denoised frame with all samples of its film if it is stored already."""
+        return self._artifact_tasks.denoising.made_of(job, frame, film.version(frame))
+
+    def release_preview(self, job: str, frame: int) -> None:
+        """Releases the preview of a frame that is denoised."""
+        self._artifact_tasks.previews.release(job, frame)
+
+    def denoised_blobs(self) -> set[str]:
+        """Returns the hashes of the stored denoised frames, to which the database does not refer."""
+        return self._artifact_tasks.denoising.blobs
 
     def vectors(self, request: FrameVectors) -> Future[ArtifactResult]:
         """Requests that a worker compute a frame's motion vectors. Raises Unavailable if no worker can."""

@@ -19,13 +19,15 @@ REST = 3.0  # times the duration of the last denoising until the next begins
 class DenoisedView:
     """State of a view's denoising. Not thread-safe.
 
-    A picture is denoised at 1, 2, 4, 8 ... samples per pixel and at the end, one at a time, and for at most a quarter of the
-    time. Once one was shown, pictures with noise are not, so that the view does not flicker.
+    The small pictures of a new view are denoised once each, so that the view is soon clean. The whole one is denoised at 1, 2, 4,
+    8 ... samples per pixel and at the end, one at a time, and for at most a quarter of the time. Once one was shown, pictures
+    with noise are not, so that the view does not flicker.
     """
 
     def __init__(self) -> None:
         self.means: bytes | None = None  # of the picture that is being denoised: colour, albedo, normal
         self.has_shown = False
+        self.level = -1  # resolution level of the latest picture, or of the one that is being denoised
         self._samples = 0.0  # mean samples per pixel of the latest denoised picture
         self._asked = 0.0  # those of the picture that is being denoised
         self._began = 0.0
@@ -43,15 +45,23 @@ class DenoisedView:
             return False
         return mean >= max(1.0, 2 * self._samples) or (is_complete and mean > self._samples)
 
-    def begin(self, color: F32, albedo: F32, normal: F32, mean: float) -> None:
-        """Stores the picture to denoise, (h, w, 3) each, with its mean samples per pixel."""
+    def is_small_due(self, level: int, is_complete: bool) -> bool:
+        """Returns True if the picture of a level below the whole view's is to be denoised now. is_complete: as above."""
+        return self.means is None and level > self.level and is_complete and time.monotonic() >= self._lost_until
+
+    def begin(self, color: F32, albedo: F32, normal: F32, mean: float, level: int = 0, *, is_whole: bool = True) -> None:
+        """Stores the picture to denoise, (h, w, 3) each, with its mean samples per pixel and resolution level.
+
+        is_whole: whether the level has the view's full size.
+        """
         self.means = b"".join(each.astype("<f4").tobytes() for each in (color, albedo, normal))
-        self._asked, self._began = mean, time.monotonic()
+        self._asked, self._began, self.level = mean if is_whole else 0.0, time.monotonic(), level
 
     def end(self, words: npt.NDArray[np.uint32] | None) -> None:
         """Stores the denoised picture, RGB9E5 words (h, w); None: it was lost, and the next is tried after a while."""
         now = time.monotonic()
-        self._rests_until = now + REST * (now - self._began)
+        if self._asked:  # a small picture takes hardly any time
+            self._rests_until = now + REST * (now - self._began)
         self.means = None
         if words is None:
             self._lost_until = now + LOST_S
@@ -64,7 +74,7 @@ class DenoisedView:
         return self._picture is not None
 
     def take(self) -> tuple[F32, float]:
-        """Returns the latest picture, (3, h, w), and its mean samples per pixel, and counts it as shown."""
+        """Returns the latest picture, (3, h, w), and its mean samples per pixel (0: a small one), and counts it as shown."""
         assert self._picture is not None
         picture, self._picture, self.has_shown = self._picture, None, True
         return np.ascontiguousarray(np.moveaxis(picture, -1, 0)), self._samples

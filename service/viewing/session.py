@@ -27,6 +27,7 @@ __all__ = ["ViewSession"]
 SHOW_EVERY_S = 0.25  # while a picture is incomplete
 SHOW_CONVERGED_S = 2.0  # for a view that has been shown for long and changes slowly
 MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this time, so that dragging shows pictures
+MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
 
 
 class ViewSession:
@@ -67,12 +68,15 @@ class ViewSession:
     def is_ready_for_next(self) -> bool:
         """Returns True if the requested view may replace the current one now.
 
-        That is so once the current view has shown a picture, an error or a message, or has run for MIN_PICTURE_WAIT_S seconds.
+        That is so once the current view has shown a picture, a denoised one if it is to be denoised, an error or a message, or
+        has run for MIN_PICTURE_WAIT_S seconds, or MIN_DENOISED_WAIT_S while its first picture is being denoised.
         """
         if self.wanted is None:
             return False
-        is_over = self.request is None or self.has_picture or self.error is not None or self.message is not None
-        return is_over or time.monotonic() - self.begun > MIN_PICTURE_WAIT_S
+        has_picture = self.has_picture if self._denoised is None else self._denoised.has_shown
+        is_over = self.request is None or has_picture or self.error is not None or self.message is not None
+        is_denoising = self._denoised is not None and self._denoised.means is not None
+        return is_over or time.monotonic() - self.begun > (MIN_DENOISED_WAIT_S if is_denoising else MIN_PICTURE_WAIT_S)
 
     def switch_to(self, request: ViewRequest, view: int) -> None:
         """Replaces the current view by a requested one, and discards its pictures. view: number of the new view."""
@@ -131,7 +135,7 @@ class ViewSession:
                     settings.film_exponent,
                     self.request.noise,
                     is_transparent=seen.is_transparent,
-                    has_guides=denoises and level is levels[-1],
+                    has_guides=denoises,
                 )
                 for level in levels
             ]
@@ -157,19 +161,24 @@ class ViewSession:
 
     def needs_guides(self, pieces: list[Piece]) -> bool:
         """Returns True if albedo and normal of these pieces, which are of one level, guide the denoiser."""
-        is_whole = bool(pieces) and pieces[0].level == len(self._canvases) - 1
-        return self._denoised is not None and is_whole and any(piece.first < GUIDE_SAMPLES for piece in pieces)
+        return self._denoised is not None and any(piece.first < GUIDE_SAMPLES for piece in pieces)
 
     def begin_denoising(self) -> tuple[int, int] | None:
         """Takes the picture to denoise if one is due; returns its width and height. `means_to_denoise` has it then."""
         with self._lock:
             if self._denoised is None or not self._canvases:
                 return None
-            canvas = self._canvases[-1]
-            if not self._denoised.is_due(canvas.samples, canvas.mean_samples, canvas.is_complete):
-                return None
-            self._denoised.begin(*canvas.means(), canvas.mean_samples)
-            return canvas.level.width, canvas.level.height
+            last = len(self._canvases) - 1
+            canvas = self._canvases[last]
+            if self._denoised.is_due(canvas.samples, canvas.mean_samples, canvas.is_complete):
+                self._denoised.begin(*canvas.means(), canvas.mean_samples, last)
+                return canvas.level.width, canvas.level.height
+            for level in range(last - 1, -1, -1):
+                canvas = self._canvases[level]
+                if self._denoised.is_small_due(level, canvas.is_complete):
+                    self._denoised.begin(*canvas.means(), canvas.mean_samples, level, is_whole=False)
+                    return canvas.level.width, canvas.level.height
+            return None
 
     @property
     def means_to_denoise(self) -> bytes | None:
@@ -182,7 +191,7 @@ class ViewSession:
         with self._lock:
             if self._denoised is None or not self._canvases:
                 return
-            level = self._canvases[-1].level
+            level = self._canvases[self._denoised.level].level
             self._denoised.end(None if words is None else np.frombuffer(words, "<u4").reshape(level.height, level.width))
 
     def stop_denoising(self) -> None:
@@ -261,9 +270,9 @@ class ViewSession:
         mean, samples = self._denoised.take()
         canvas = self._canvases[-1]
         is_last = canvas.is_complete and samples == canvas.mean_samples
-        told = max(round(samples), canvas.most_shown)  # tiles with noise may have been shown with more
+        told = max(round(samples), canvas.most_shown, 1)  # tiles with noise may have been shown with more
         self._shown, self._shown_samples, self._taken = len(self._canvases) - 1, canvas.samples, time.monotonic()
-        size = canvas.level.width, canvas.level.height
+        size = mean.shape[2], mean.shape[1]
         tile = ViewTile((0, 0, *size), mean, told, is_last)
         return encode_view([tile], size, (request.settings.width, request.settings.height), request.id, seq)
 

@@ -96,6 +96,16 @@ def test_a_frame_of_cores_and_a_card_has_the_digest_of_the_cores(farm: Farm, dri
         assert f"{name}: " in log, log
 
 
+def test_light_paths_of_cores_and_a_card_have_the_digest_of_the_cores(farm: Farm, tmp_path: Path) -> None:
+    fake_driver(tmp_path)
+    driver = {"LD_LIBRARY_PATH": str(tmp_path), "FAKE_CUDA_KERNEL": str(shared_object("plain-paths", tmp_path))}
+    with ExitStack() as ends:
+        join(farm, ends, driver, 8192, "--paired")
+        log = finish(farm, submit(farm, SPP, tile_size=16, light_paths="on"), digest_without_farm(SPP, light_paths="on"))
+    assert "attic-gpu: " in log, log
+    assert "the processor does" not in log, log
+
+
 def test_a_killed_worker_with_a_card_leaves_no_trace(farm: Farm, driver: dict[str, str], expected: str) -> None:
     with ExitStack() as ends:
         process = join(farm, ends, driver, 8192, "--paired")

@@ -25,10 +25,10 @@ WIDTH, HEIGHT, SPP, DEPTH = 80, 64, 256, 5
 VIEW = View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077)
 
 
-def digest_without_farm(spp: int) -> str:
-    """Renders the test's frame in this process, without a farm, and returns its digest."""
+def digest_without_farm(spp: int, **more: Any) -> str:
+    """Renders the test's frame in this process, without a farm, and returns its digest. more: further settings."""
     scene = compile_scene(read(ROOT / "scenes", "cornell-box.yaml"))
-    settings = RenderSettings(WIDTH, HEIGHT, VIEW, max_depth=DEPTH)
+    settings = RenderSettings(WIDTH, HEIGHT, VIEW, max_depth=DEPTH, **more)
     return digest(render_frame(scene, settings, spp, threads=2))
 
 

@@ -92,16 +92,16 @@ def test_machine_shows_its_graphics_cards(page: Page) -> None:
         const seen = [];
         for (const more of [
             {},
-            { cards: [{ number: 0, name: "RTX Test", memory: 8e9, slot: 0, samples_per_s: 2.5e8 }] },
+            { cards: [{ number: 0, name: "RTX Test", memory: 8 * 2 ** 30, slot: 0, samples_per_s: 2.5e8 }] },
             { cards: [], cards_unused: ["Card 1 is not used."] },
         ]) {
             update({ ...worker, ...more });
-            const list = element.querySelector(".cards");
+            const list = element.querySelector(".graphics-cards");
             seen.push([list.hidden, ...[...list.children].map((item) => item.textContent)]);
         }
         return seen;"""
     assert call(page, "views/machine", body) == [
         [True],
-        [False, "Graphics card: RTX Test · 8 GB · 250 M samples/s"],
+        [False, "Renders with card 0: RTX Test · 8 GiB · 250 M samples/s"],
         [False, "Card 1 is not used."],
     ]

@@ -88,3 +88,15 @@ def test_preparation_steps_are_timed(node: Node) -> None:
     step, took = node.call("scene/prepare-steps", body, heard)
     assert step == "render"
     assert took == {"upload": 0.2, "read": 0.5, "build": 0.5, "compile": 40}
+
+
+def test_kept_picture_serves_near_cameras(node: Node) -> None:
+    """0 for its own camera, which shows the picture as it is; 1 where it is of no use: turned far, or of another projection."""
+    body = """
+        const kept = Object.create(m.KeptPicture.prototype, { view: { value: a.from } });
+        return a.to.map((view) => kept.distance(view));"""
+    turned = [{**VIEW, "eye": [3 + away, 2, 5]} for away in (0, 0.3, 3, 30)]
+    same, near, far, farthest = node.call("scene/kept-picture", body, {"from": VIEW, "to": turned})
+    assert (same, farthest) == (0, 1)
+    assert 0 < near < far < 1
+    assert node.call("scene/kept-picture", body, {"from": VIEW, "to": [{**VIEW, "projection": "panorama"}]}) == [1]

@@ -162,6 +162,18 @@ def test_white_hair_in_a_white_furnace(count):
     assert_mean(render_frame(lit, settings((0, 0, 6), (0, 0, 0), 30, max_depth=400), 64), 1.0, slack=2e-3, tests=2)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("aspect", [1.0, 0.5])
+def test_white_hair_of_facets_in_a_white_furnace(aspect):
+    turns = np.linspace(0, 4, 14)
+    helix = np.column_stack([0.4 * np.cos(turns), turns / 2 - 1, 0.4 * np.sin(turns)])
+    mesh = strands_mesh([Strand(helix, np.full(len(turns), 0.08))], fibres=True, aspect=aspect)
+    white = Material(kind="hair", model="huang", base_color=gray(1.0), ior=1.55, tilt=0.0, aspect_ratio=aspect)
+    lit = scene([white], (mesh,), environment=1.0)
+    assert variant_of(lit) == "huang" and len(lit.uv1) == (0 if aspect == 1 else len(lit.position))
+    assert_mean(render_frame(lit, settings((0, 0, 6), (0, 0, 0), 30, max_depth=400), 64), 1.0, slack=3e-3, tests=2)
+
+
 def test_image_environment_irradiance():
     rng = np.random.default_rng(5)
     sky = rng.gamma(0.3, 1.0, (8, 16, 1)).repeat(3, 2).astype(np.float32)

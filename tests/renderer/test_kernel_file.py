@@ -82,7 +82,7 @@ def test_non_archive_bytes_are_rejected(tmp_path: Path) -> None:
         unpack(signed(b"no zip at all"), "token", tmp_path / "other")
 
 
-@pytest.mark.parametrize("variant", KERNEL_VARIANTS)
+@pytest.mark.parametrize("variant", [*KERNEL_VARIANTS, "moving-media-paths-groups-spectral"])
 def test_every_variants_kernel_can_be_shared(variant: str, tmp_path: Path) -> None:
     kernel, folder = f"render_pool-{variant}", tmp_path / "0123456789abcdef"
     folder.mkdir()

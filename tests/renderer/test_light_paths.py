@@ -159,7 +159,7 @@ def test_light_groups_and_paths_together(lit_by: str, monkeypatch: pytest.Monkey
 def test_light_paths_setting_and_its_planes() -> None:
     assert RenderSettings.from_json(SETTINGS.to_json()) == SETTINGS
     assert "light_paths" not in replace(SETTINGS, light_paths="off").to_json()  # an older worker can render it
-    assert not render.is_for_cards(SETTINGS)
+    assert render.is_for_cards(SETTINGS)
     with pytest.raises(SettingsError, match="light_paths"):
         replace(SETTINGS, integrator="ao")
     with pytest.raises(SettingsError, match="light_paths"):

@@ -83,6 +83,18 @@ def test_compilation_prints_its_progress(monkeypatch: pytest.MonkeyPatch, capsys
     assert "kernels ready after" in last
 
 
+def test_kernels_for_cards_are_built_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    ran: list[tuple[str, ...]] = []
+    monkeypatch.setattr(precompile, "_compile_in_process", lambda *job: ran.append(job))
+    monkeypatch.setattr(precompile.jit, "is_cached", lambda name: not name.startswith("cuda-"))
+    monkeypatch.setattr(precompile, "copy_shipped_kernels", lambda cache: None)
+    for cards, count in (("", 0), ("plain,full", 2), ("all", len(precompile.KERNEL_VARIANTS))):
+        ran.clear()
+        precompile.main(["--kernels", "plain", "--cards", cards])
+        assert len({job for job in ran if job[0].startswith(precompile.FOR_CARD)}) == count
+        assert ("plain", "--prepares") in ran
+
+
 def test_files_writable_by_others_are_not_copied(shipped: Path, tmp_path: Path) -> None:
     (shipped / "kernel.x" / "a.code").chmod(0o666)
     copy_shipped_kernels(tmp_path / "cache" / "abc")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from renderer import render
+from renderer.arrays.scene import CompiledScene
 from renderer.deep import LIGHT
 from renderer.errors import SettingsError
 from renderer.film import ALPHA_PLANES, COLOR, SAMPLES, alpha, group_planes
@@ -41,9 +42,10 @@ def test_spectral_needs_an_estimating_integrator(integrator: str) -> None:
         replace(SETTINGS, integrator=integrator)
 
 
-def test_spectral_pictures_are_for_processors() -> None:
-    assert is_for_cards(replace(SETTINGS, spectral="off"))
-    assert not is_for_cards(SETTINGS)
+def test_cards_render_by_wavelength_and_with_guides() -> None:
+    assert is_for_cards(SETTINGS)
+    assert is_for_cards(replace(SETTINGS, spectral="off", guiding="on"))
+    assert not is_for_cards(replace(SETTINGS, spectral="off", caustics="on"))
 
 
 def test_settings_of_rgb_are_those_of_older_workers() -> None:
@@ -100,16 +102,21 @@ def test_a_soap_film_has_the_color_of_airys_sum(thickness: float) -> None:
     assert np.ptp(wanted) > 0.5 * wanted.mean()
 
 
-@pytest.mark.long
-def test_planes_of_spectral_pictures_add_up_to_the_color(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Light groups, light paths, deep samples and alpha over a shadow catcher: exactly, and equal in both backends."""
+def room_over_a_catcher() -> CompiledScene:
+    """Returns a room with lights of three groups over a shadow catcher."""
     described = room(Material(**PBR, roughness=0.4))
     described.lights = [Light("point", (9.0, 3.0, 1.0), (1.0, 2.0, 2.0), light_group="key")]
     described.materials[2].light_group, described.environment_group = "ceiling", "sky"
     floor = replace(described.materials[1], shadow_catcher=True)
     described.materials.append(floor)
     described.meshes[0] = replace(described.meshes[0], material=3)
-    compiled = compile_scene(described)
+    return compile_scene(described)
+
+
+@pytest.mark.long
+def test_planes_of_spectral_pictures_add_up_to_the_color(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Light groups, light paths, deep samples and alpha over a shadow catcher: exactly, and equal in both backends."""
+    compiled = room_over_a_catcher()
     planes = {"light_groups": "key,sky", "light_paths": "on", "deep": 8}
     settings = RenderSettings(24, 20, replace(VIEW, fov=70.0), background="transparent", spectral="on", **planes)
     stats, of_one = RenderStats(), RenderStats()
@@ -156,20 +163,25 @@ def test_a_grid_attenuates_each_wavelength_by_beers_law() -> None:
     np.testing.assert_allclose(found, wanted, rtol=0.01)
 
 
-@pytest.mark.long
-def test_given_spectra_have_the_same_bits_in_both_backends(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A lamp with a temperature over surfaces and a metal by spectra, which change the picture."""
+def room_by_spectra(is_given: bool = True) -> CompiledScene:
+    """Returns a lamp with a temperature over surfaces and a metal by spectra. is_given: False leaves the spectra out."""
     described = room(Material(kind="conductor", eta=(0.3, 0.4, 1.4), k=(4.0, 2.4, 1.6), roughness=0.3))
     band = np.where(np.abs(WAVELENGTHS - 540) < 30, 0.8, 0.05)
     green = given_reflectance((0.2, 0.5, 0.1), band)
     lamp, metal = described.materials[2], described.materials[0]
     described.materials[1].base_color, lamp.emission = green.color, (9.0, 5.0, 2.0)
-    smooth = compile_scene(described)
     index = given_index(metal.eta, metal.k, np.linspace(1.5, 0.2, len(band)), np.linspace(2.0, 4.0, len(band)))
-    described.spectra += [green, black_body(lamp.emission, 3500.0), *index]
-    given = compile_scene(described)
+    if is_given:
+        described.spectra += [green, black_body(lamp.emission, 3500.0), *index]
+    return compile_scene(described)
+
+
+@pytest.mark.long
+def test_given_spectra_have_the_same_bits_in_both_backends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The spectra change the picture."""
+    given = room_by_spectra()
     settings = RenderSettings(16, 16, VIEW, max_depth=6, spectral="on")
-    pool, without = (render_frame(each, settings, 4) for each in (given, smooth))
+    pool, without = (render_frame(each, settings, 4) for each in (given, room_by_spectra(is_given=False)))
     assert (pool[COLOR] != without[COLOR]).mean() > 0.5
     monkeypatch.setattr(render, "renderer_of", lambda *_: accumulate._render_special_path)
     monkeypatch.setattr(render, "has_variants", lambda _: False)

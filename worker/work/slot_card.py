@@ -23,10 +23,11 @@ from renderer.cuda.driver import Card, DriverError
 from renderer.cuda.render import CardError, CardMemoryError, CardRenderer
 from renderer.errors import RayfarmError
 from renderer.film import SAMPLES, BatchSums
-from renderer.render import is_for_cards, render_batch, variant_for
+from renderer.render import is_for_cards, render_batch, variant_for, warm_up_guide
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
 from renderer.settings import Tile
+from renderer.variant_names import variant_suffix
 from worker.exchange.errors import TemporaryError, WorkerError
 from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
 from worker.exchange.retry import retry_temporary
@@ -204,9 +205,11 @@ def _prepare_renderer(
         raise UnusableError(_card_failed_sentence(card))
     scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
     variant = variant_for(batch.settings, scene)
-    if not renderer.has_kernel(variant):
+    kernel = f"{variant}{variant_suffix(batch.settings)}"
+    if not renderer.has_kernel(kernel):
         compiling(True)
-        _load(worker, renderer, variant)
+        _load(worker, renderer, kernel)
+        warm_up_guide(batch.settings, variant)
         compiling(False)
     return renderer, scene
 

@@ -7,7 +7,7 @@ by hierarchical warping, as in Mueller et al., "Practical Path Guiding for Effic
 wider nodes. A guide of portals takes the place of the histograms in scenes where they suffice (portals.py). Whatever a guide
 holds, the estimate is unbiased, since the BSDF's density is part of the mixture.
 
-Compiled only for settings with `guiding`, and for the processor only: bins are compared eight at a time.
+Compiled only for settings with `guiding`. Bins are compared eight at a time.
 """
 
 from __future__ import annotations

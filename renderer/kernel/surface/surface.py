@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.arrays.rows import DIFFUSE, HAIR, PART_COLUMNS, PART_MATERIAL, PART_OBJECT, TEXTURED
+from renderer.arrays.rows import DIFFUSE, HAIR, HUANG, PART_COLUMNS, PART_MATERIAL, PART_OBJECT, TEXTURED
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
@@ -44,7 +44,7 @@ _INV_PI = np.float32(1.0 / math.pi)
 _INV_2PI = np.float32(0.5 / math.pi)
 NO_LIGHT = NO_OBJECT = np.uint32(0xFFFFFFFF)
 _NOTHING = np.uint32(0)
-_DIFFUSE, _HAIR = np.uint32(DIFFUSE), np.uint32(HAIR)
+_DIFFUSE, _HAIR, _HUANG = np.uint32(DIFFUSE), np.uint32(HAIR), np.uint32(HUANG)
 _TEXTURED = np.uint32(TEXTURED)
 _UNIT = np.float32(1e-6)
 LEAST_COSINE = np.float32(0.01)  # between shading normal and viewer: normals that face away further are bent
@@ -198,7 +198,10 @@ def _tangent(array, i, j, k, u, v):
 @device
 def is_hair(scene, material):
     """Returns True if a material is hair: its surfaces are shaded as round fibres."""
-    return u32(lookup(scene.material_kind, material)) == _HAIR
+    kind = u32(lookup(scene.material_kind, material))
+    if scene.has.huang is not None:
+        return (kind == _HAIR) | (kind == _HUANG)
+    return kind == _HAIR
 
 
 @device

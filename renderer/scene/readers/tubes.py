@@ -1,11 +1,12 @@
 """Converts curves: fibres of hair to segments of round curves (renderer/bvh/curves.py), others to closed tubes of triangles.
 
-Ribbons, which are flat, become strips.
+Elliptic fibres are open tubes with tangents and diameters. Ribbons, which are flat, become strips.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ __all__ = [
     "CurveWeights",
     "Tubes",
     "curve_weights",
+    "elliptic",
     "fibres",
     "fineness_of",
     "line_tangents",
@@ -80,9 +82,11 @@ class CurveWeights(NamedTuple):
         return found
 
 
-def sides_of(curves: int) -> int:
-    """Returns the number of sides of each of `curves` tubes."""
-    return 12 if curves <= MAX_FINE_CURVES else 4
+def sides_of(curves: int, fibres: bool) -> int:
+    """Returns the number of sides of each of `curves` tubes; fibres get more, as their light depends on the normal."""
+    if curves <= MAX_FINE_CURVES:
+        return 12
+    return 6 if fibres and curves <= MAX_CURVES else 4
 
 
 def fineness_of(curves: int) -> tuple[float, int]:
@@ -183,11 +187,14 @@ def fibres(lines: F64, radii: F64, colors: F64 | None, uvs: Sequence[F64] = ()) 
     )
 
 
-def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, uvs: Sequence[F64] = ()) -> Tubes:
+def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool = False, uvs: Sequence[F64] = ()) -> Tubes:
     """Returns tubes around (N, S, 3) polylines, with flat ends.
 
-    radii: (N, S); colors: (N, S, 3) or None; uvs: (N, S, 2) each; sides: number of sides of each tube.
+    radii: (N, S); colors: (N, S, 3) or None; uvs: (N, S, 2) each; sides: number of sides of each tube. fibres: makes the tubes
+    fibres of hair: without ends, with tangents, and as wide on average as the round fibre, whose circumference they have.
     """
+    if fibres:
+        radii = radii * (np.pi / sides / np.sin(np.pi / sides))
     count, samples = lines.shape[:2]
     tangents = line_tangents(lines)
     across = np.empty_like(lines)
@@ -204,6 +211,19 @@ def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, uvs: Sequence[
     along, k = np.meshgrid(np.arange(samples - 1), np.arange(sides), indexing="ij")
     a, b = along * sides + k, along * sides + (k + 1) % sides
     body = np.stack([np.stack([a, b, b + sides], -1), np.stack([a, b + sides, a + sides], -1)]).reshape(-1, 3)
+    if fibres:
+        triangles = (body[None] + (np.arange(count) * samples * sides)[:, None, None]).reshape(-1, 3)
+        shown = None if colors is None else np.repeat(colors.reshape(-1, colors.shape[2]), sides, axis=0)
+        handed = np.concatenate([tangents, np.ones((count, samples, 1))], axis=2).reshape(-1, 4)
+        return Tubes(
+            rings.reshape(-1, 3),
+            np.broadcast_to(out, rings.shape).reshape(-1, 3),
+            shown,
+            triangles,
+            np.repeat(handed, sides, axis=0),
+            np.repeat(2 * radii.reshape(-1), sides),
+            tuple(np.repeat(each.reshape(-1, 2), sides, axis=0) for each in uvs),
+        )
     ends = np.stack([rings[:, 0], rings[:, -1]], axis=1)
     facing = np.broadcast_to(np.stack([-tangents[:, 0], tangents[:, -1]], axis=1)[:, :, None], ends.shape)
     positions = np.concatenate([rings, ends], axis=1).reshape(-1, 3)
@@ -218,6 +238,37 @@ def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, uvs: Sequence[
     triangles = (one[None] + (np.arange(count) * (samples + 2) * sides)[:, None, None]).reshape(-1, 3)
     shown = None if colors is None else with_ends(colors)
     return Tubes(positions, normals, shown, triangles, None, None, tuple(with_ends(each) for each in uvs))
+
+
+def elliptic(mesh: Mesh, sides: int, aspect: float) -> Mesh:
+    """Returns tubes that are fibres with a cross-section that is an ellipse, as wide on average as the smooth one.
+
+    mesh: of fibres whose vertices are rings of `sides`; the major axis is that from the middle of a ring to its first vertex, as
+    long as before. aspect: minor over major radius, below 1. The second UV set takes the normals, along the major and the minor
+    axis, from which kernels have the axes (renderer/kernel/bsdf/huang.py).
+    """
+    assert mesh.normals is not None and mesh.tangents is not None and mesh.diameters is not None
+    turns = np.arange(sides + 1) * (2 * np.pi / sides)
+    smooth = np.linspace(0, 2 * np.pi, 1025)
+    lengths = [np.hypot(np.diff(np.cos(t)), aspect * np.diff(np.sin(t))).sum() for t in (smooth, turns)]
+    widened = lengths[0] / lengths[1] / (np.pi / sides / np.sin(np.pi / sides))
+    rings = mesh.positions.reshape(-1, sides, 3).astype(np.float64)
+    middle = rings.mean(axis=1, keepdims=True)
+    out = mesh.normals.reshape(-1, sides, 3).astype(np.float64)
+    major = out[:, :1]
+    minor = np.cross(mesh.tangents.reshape(-1, sides, 4)[:, :1, :3], major)
+    across, along = (out * major).sum(axis=2, keepdims=True), (out * minor).sum(axis=2, keepdims=True)
+    radii = np.linalg.norm(rings - middle, axis=2, keepdims=True) * widened
+    positions = middle + radii * (across * major + aspect * along * minor)
+    length = np.sqrt((aspect * across) ** 2 + along**2)
+    across, along = aspect * across / length, along / length
+    return replace(
+        mesh,
+        positions=positions.reshape(-1, 3).astype(mesh.positions.dtype),
+        normals=(across * major + along * minor).reshape(-1, 3).astype(np.float32),
+        uvs1=np.concatenate([across, along], axis=2).reshape(-1, 2).astype(np.float32),
+        diameters=(mesh.diameters * widened).astype(np.float32),
+    )
 
 
 def ribbons(lines: F64, radii: F64, facing: F64, colors: F64 | None, uvs: Sequence[F64] = ()) -> Tubes:

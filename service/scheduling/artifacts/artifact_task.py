@@ -3,7 +3,8 @@
 If a machine cannot make an artifact, the request is sent to another worker (unfit_machines.py).
 
 An artifact is outdated as soon as its film grows. A client that requests one while it is being made receives that one; the next
-request starts a new one. Artifacts are blobs to which the database does not refer, and are made again after a restart.
+request starts a new one. Artifacts are blobs to which the database does not refer; all but denoised frames are made again after a
+restart.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, Worke
 from renderer.sentences import Sentence
 from service.errors import AnswerTimeout, Failed, FarmError, NotFound, QueueError, Unavailable
 from service.events import BlobsReleased, Events
+from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.unfit_machines import MachineFault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.leases import Lease
@@ -37,16 +39,6 @@ MAX_ATTEMPTS = 3
 Key = tuple[str, int]  # job, frame
 
 Request = TypeVar("Request", DenoiseFrame, FrameVectors, ShowEnvironment)
-
-
-@dataclass(frozen=True)
-class ArtifactResult:
-    """A finished artifact: SHA-256 of its blob, the version and sample count of its film, and the seconds that it took."""
-
-    sha256: str
-    version: str = ""
-    samples: int = 0
-    seconds: float = 0.0
 
 
 @dataclass
@@ -208,8 +200,12 @@ class ArtifactTask(ABC, Generic[Request]):
             wanted.answer.set_exception(self._failure(""))
             return
         wanted.answer.set_result(result)
+        self._save_made()
         if old is not None and old.sha256 != result.sha256:
             self._delete(old.sha256)
+
+    def _save_made(self) -> None:
+        """Called after a change of the stored artifacts, in the thread that queries the blob store."""
 
     def _record_made(self, result: ArtifactResult) -> None:
         """Called with each artifact that was made, under the lock."""
@@ -275,6 +271,8 @@ class ArtifactTask(ABC, Generic[Request]):
                     )
                 ),
             )
+        if gone:
+            self._run_in_background(self._save_made)
         for made in gone:
             self._run_in_background(self._delete, made.sha256)
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from service.events import Events
-from service.scheduling.artifacts.artifact_task import ArtifactResult
+from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
 from service.scheduling.artifacts.environments import Environments
 from service.scheduling.artifacts.frame_preparation import FramePreparation
+from service.scheduling.artifacts.kept_artifacts import KeptArtifacts
 from service.scheduling.artifacts.previews import DenoisedPreviews
 from service.scheduling.artifacts.scene_preparation import ScenePreparations
 from service.scheduling.artifacts.unfit_machines import MachineFault
@@ -25,7 +26,9 @@ from service.scheduling.incoming.messages import (
 from service.settings import Settings
 from service.store.blobs import BlobStore
 
-__all__ = ["ArtifactTasks"]
+__all__ = ["DENOISED_FILE", "ArtifactTasks"]
+
+DENOISED_FILE = "denoised.json"  # in the data folder
 
 
 class ArtifactTasks:
@@ -35,6 +38,7 @@ class ArtifactTasks:
         self.preparing = ScenePreparations(dispatcher, workers, settings.prepare_deadline)
         self.moments = FramePreparation(dispatcher, workers, settings.prepare_deadline, settings.frame_scenes_bytes)
         self.denoising = Denoising(dispatcher, workers, blobs, events)
+        self.denoising.keep_in(KeptArtifacts(settings.data / DENOISED_FILE))
         self.vectors = Vectors(dispatcher, workers, blobs, events)
         self.environments = Environments(dispatcher, workers, blobs, events)
         self.previews = DenoisedPreviews(dispatcher, workers, blobs, events)

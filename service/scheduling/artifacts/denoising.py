@@ -1,11 +1,13 @@
-"""Denoised frames: made by a worker on request, and stored until the film changes."""
+"""Denoised frames: made by a worker on request, and stored until the film changes, also over restarts of the service."""
 
 from __future__ import annotations
 
 from protocol.contract import DenoiseFrame, WorkerReport, denoise_queue
 from renderer.sentences import Sentence
 from service.errors import Unavailable
+from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.artifact_task import ArtifactTask
+from service.scheduling.artifacts.kept_artifacts import KeptArtifacts
 
 __all__ = ["Denoising"]
 
@@ -18,6 +20,30 @@ class Denoising(ArtifactTask[DenoiseFrame]):
 
     _name = Sentence("artifact-denoised-picture", "denoised picture")
     _doing = "denoise"
+
+    _kept: KeptArtifacts | None = None
+
+    def keep_in(self, kept: KeptArtifacts) -> None:
+        """Loads the results of an earlier run, and stores those of this one. Called once, before any request."""
+        self._kept = kept
+        self._made.update(kept.load())
+
+    def made_of(self, job: str, frame: int, version: str) -> ArtifactResult | None:
+        """Returns the denoised frame of this version of its film, if it is stored. Thread-safe; the store may be slow."""
+        made = self._made.get((job, frame))
+        return made if made is not None and made.version == version and self._blobs.exists(made.sha256) else None
+
+    @property
+    def blobs(self) -> set[str]:
+        """The hashes of the stored frames."""
+        with self._lock:
+            return {made.sha256 for made in self._made.values()}
+
+    def _save_made(self) -> None:
+        if self._kept is not None:
+            with self._lock:
+                made = dict(self._made)
+            self._kept.save(made)
 
     def _kind(self) -> str | None:
         return self._workers.roster.denoising_kind()

@@ -6,7 +6,7 @@ import time
 from concurrent.futures import Future
 
 from protocol.contract import DenoiseFrame
-from service.scheduling.artifacts.artifact_task import ArtifactResult
+from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
 
 __all__ = ["DenoisedPreviews"]
@@ -25,19 +25,21 @@ class DenoisedPreviews(Denoising):
 
     _rests_until = 0.0
 
-    def latest(self, request: DenoiseFrame, samples: int) -> Future[ArtifactResult]:
+    def latest(self, request: DenoiseFrame, samples: int, *, is_final: bool = False) -> Future[ArtifactResult]:
         """Returns a future of the frame's latest preview, which is made first if it is due.
 
-        samples: of the film now, over all pixels. Raises Unavailable if one is due and no worker can denoise.
+        samples: of the film now, over all pixels. is_final: whether no more will come: then it is due as soon as the samples have
+        doubled. Raises Unavailable if one is due and no worker can denoise.
         """
         made = self._made.get((request.job, request.frame))
-        if made is None or not self._is_recent(made, samples):
+        if made is None or not self._is_recent(made, samples, is_final):
             return self.request(request)
         return self.request(request, made.version)  # that one, if its blob is still there
 
-    def _is_recent(self, made: ArtifactResult, samples: int) -> bool:
+    def _is_recent(self, made: ArtifactResult, samples: int, is_final: bool = False) -> bool:
         """Returns True if the preview is not to be renewed now. A film that was lost and begun again has fewer samples."""
-        return made.samples <= samples and (samples < 2 * made.samples or time.monotonic() < self._rests_until)
+        rests = not is_final and time.monotonic() < self._rests_until
+        return made.samples <= samples and (samples < 2 * made.samples or rests)
 
     def _record_made(self, result: ArtifactResult) -> None:
         slots = sum(report.slots for report in self._able_workers())

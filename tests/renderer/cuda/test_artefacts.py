@@ -30,7 +30,7 @@ def test_kernel_is_built_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert ptx_of("plain") == "PTX of plain"
 
 
-@pytest.mark.parametrize("variant", KERNEL_VARIANTS)
+@pytest.mark.parametrize("variant", [*KERNEL_VARIANTS, "moving-media-spectral"])
 def test_gpu_kernel_is_shared_through_the_farm(
     variant: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,12 +28,13 @@ from renderer.cuda.cards import (
 from renderer.cuda.driver import Card, Device, Driver, DriverError
 from renderer.cuda.render import CardError, CardRenderer
 from renderer.errors import SettingsError
-from renderer.film import SAMPLES, digest
+from renderer.film import COLOR, SAMPLES, digest
 from renderer.render import RenderStats, render_batch, render_frame
-from renderer.settings import Tile, tiles_of
+from renderer.settings import RenderSettings, Tile, tiles_of
 from tests.helpers import ROOT
 from tests.renderer.cuda.on_host import fake_driver, shared_object
-from tests.renderer.kernel.backends.features import made
+from tests.renderer.kernel.backends.features import GROUPS, VIEW, grouped, made
+from tests.renderer.test_spectral import room_by_spectra, room_over_a_catcher
 from worker.work import slot_card
 
 NEW, OLD = "RTX Test:8:6:8192", "GTX Test:6:1:4096"
@@ -89,7 +91,9 @@ def test_unused_cards_have_a_reason(library: str, with_cards: pytest.MonkeyPatch
     with_cards.setenv("FAKE_CUDA_CARDS", f"{NEW},{NEW},{OLD}")
     cards = find_cards(library)
     unused = reasons_unused(cards, cards.usable[:1])
-    assert unused[0] == ("Card 1: RTX Test, 8 GiB, compute capability 8.6 is not used. To use it, start the worker with --gpu 1.")
+    assert unused[0] == (
+        "Card 1: RTX Test, 8 GiB, compute capability 8.6 is not used. To use it, start the worker with 1 in --gpu."
+    )
     assert unused[1:] == cards.refused
     assert reasons_unused(cards, cards.usable) == cards.refused
 
@@ -186,6 +190,53 @@ def test_card_mattes_and_deep_pixels_equal_the_cpu_ones(card: CardRenderer, monk
         assert digest(of_card.sums, of_card.hits, of_card.deep) == digest(of_cpu.sums, of_cpu.hits, of_cpu.deep)
     assert len(of_cpu.hits.key) > 0
     assert len(of_cpu.deep.key) > 0
+
+
+@pytest.mark.long
+def test_card_pictures_by_wavelength_equal_the_cpu_ones(
+    library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Spectra that files give; deep pixels, Cryptomatte and alpha over a shadow catcher, in several batches."""
+    with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object("full-spectral", tmp_path)))
+    card = CardRenderer(find_cards(library).usable[0], library)
+    settings = RenderSettings(16, 12, VIEW, max_depth=6, spectral="on")
+    over_a_catcher = replace(settings, background="transparent", deep=8, cryptomatte=2)
+    for scene, wanted in ((room_by_spectra(), settings), (room_over_a_catcher(), over_a_catcher)):
+        of_card, of_cpu = RenderStats(), RenderStats()
+        film = render_frame(scene, wanted, 3, stats=of_card, card=card)
+        of_pool = render_frame(scene, wanted, 3, stats=of_cpu)
+        assert digest(film, of_card.hits, of_card.deep) == digest(of_pool, of_cpu.hits, of_cpu.deep)
+        assert of_card.rays == of_cpu.rays
+        tile = Tile(3, 2, 9, 7)
+        monkeypatch.setattr("renderer.render._CARD_RECORDS", 9 * 7 * 13 * 2)  # two samples a pixel at once, if recorded
+        found, sums = (render_batch(scene, wanted, tile, 1, 5, each) for each in (card, None))
+        assert digest(found.sums, found.hits, found.deep) == digest(sums.sums, sums.hits, sums.deep)
+    card.close()
+
+
+@pytest.mark.long
+def test_card_frame_by_light_equals_the_cpu_one_until_it_stops(
+    library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Light groups and light paths in a frame that ends early; the card's memory for paths grows and shrinks with them."""
+    with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object("plain-paths-groups", tmp_path)))
+    card = CardRenderer(find_cards(library).usable[0], library)
+    scene, settings = grouped("diffuse"), replace(made("diffuse")[1], light_paths="on")
+    for groups in (",".join(GROUPS), "sky"):
+        wanted, passes = replace(settings, light_groups=groups), ([], [])
+
+        def stops(sums: Any, seen: list[int]) -> bool:
+            seen.append(int(sums[SAMPLES].max()))
+            return seen[-1] >= 4 and bool(sums[COLOR].any())
+
+        of_card, of_cpu = (
+            render_frame(scene, wanted, 64, stop=partial(stops, seen=seen), card=each)
+            for seen, each in zip(passes, (card, None), strict=True)
+        )
+        assert (of_card == of_cpu).all()
+        assert passes[0] == passes[1]
+        assert passes[0][-1] < 64
+    card.close()
 
 
 def test_few_paths_render_many_samples(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,6 +6,7 @@ The LLVM code that becomes PTX is run on the CPU.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,7 @@ from renderer.arrays.scene import CompiledScene
 from renderer.bvh.compress import compressed
 from renderer.cuda.job import wave_for
 from renderer.cuda.turns import paths_for, take_turns
-from renderer.film import CHANNELS
+from renderer.film import CHANNELS, COLOR, group_planes
 from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cuda.wavefront import ACTIVE, BAD, RAYS, Wave
 from renderer.kernel.camera import Camera, camera_frame
@@ -26,10 +27,11 @@ from renderer.scene.description import Material
 from renderer.scene.origin import fixed_point_origin, settings_relative_to_origin
 from renderer.settings import RenderSettings
 from renderer.threads import Team
+from renderer.variant_names import variant_suffix
 from tests.grids import grid
 from tests.renderer.builders import gray
 from tests.renderer.cuda.on_host import launcher
-from tests.renderer.kernel.backends.features import FEATURES, made
+from tests.renderer.kernel.backends.features import FEATURES, GROUPS, SPECTRAL, grouped, made
 from tests.renderer.test_transparent_background import FLOOR, over_a_floor, transparent
 
 SPP = 4
@@ -52,7 +54,7 @@ def picture_of(name: str, first: int = 0, count: int = SPP) -> Picture:
 
 def variant_of(name: str) -> str:
     scene, settings = made(name)
-    return variant_for(settings, scene)
+    return f"{variant_for(settings, scene)}{variant_suffix(settings)}"
 
 
 def bytes_of(wave: Wave) -> npt.NDArray[np.uint8]:
@@ -93,6 +95,18 @@ def test_gpu_kernel_film_equals_the_cpu_film(name: str) -> None:
     assert wave.counters[BAD] == 0
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("name", SPECTRAL)
+def test_film_by_wavelength_equals_the_cpu_film(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled, settings = FEATURES[name]
+    monkeypatch.setitem(FEATURES, name, (compiled, replace(settings, spectral="on")))
+    wave = run(name)
+    film, stats = of_cpu(name)
+    assert (wave.film != film).any(0).sum() == 0
+    assert wave.counters[RAYS] == stats.rays
+    assert wave.counters[BAD] == 0
+
+
 def test_transparent_background_has_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     feature, (scene, settings) = "a transparent background", made("diffuse")
     monkeypatch.setitem(FEATURES, feature, (lambda: scene, replace(settings, background="transparent")))
@@ -109,6 +123,40 @@ def test_holdouts_and_shadow_catchers_have_the_same_bits(monkeypatch: pytest.Mon
     film, _ = of_cpu(feature)
     assert film[CHANNELS + 1].any()
     assert (run(feature).film == film).all()
+
+
+@pytest.mark.long  # compiles the kernels with light groups and light paths
+@pytest.mark.parametrize(
+    ("name", "asked"),
+    (
+        ("diffuse", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+        ("glass", {"light_groups": "sky", "light_paths": "on", "splitting": 1}),
+        ("a clamp", {"light_groups": ",".join(GROUPS), "light_paths": "on", "background": "transparent"}),
+        ("textures", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+        ("half clear lights", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+        ("unlit", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+        ("many lights", {"light_groups": ",".join(GROUPS), "light_paths": "on", "cryptomatte": 2}),
+        ("lights without a body", {"light_groups": ",".join(GROUPS)}),
+        ("lights with pictures", {"light_groups": "sun-1,key"}),
+        ("what the camera does not see", {"light_paths": "on"}),
+        ("skin", {"light_groups": "sky", "light_paths": "on", "spectral": "on"}),
+        ("skin", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+        ("fire in a grid behind cards", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+        ("reflections in fog", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+    ),
+)
+def test_light_groups_and_paths_have_the_same_bits(name: str, asked: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    feature, settings = "light planes", replace(made(name)[1], **asked)
+    monkeypatch.setitem(FEATURES, feature, (lambda: grouped(name), settings))
+    wave, (film, stats) = run(feature), of_cpu(feature)
+    assert (wave.film == film).all()
+    assert wave.counters[RAYS] == stats.rays
+    first = 0
+    for planes in (len(settings.group_names), len(settings.light_planes) - len(settings.group_names)):
+        found = [wave.film[group_planes(first + k)] for k in range(planes)]
+        assert not found or (sum(found) == wave.film[COLOR]).all()
+        assert not found or sum(each.any() for each in found) > 1
+        first += planes
 
 
 @pytest.mark.parametrize("paths", (32, 8192))

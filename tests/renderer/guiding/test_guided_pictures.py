@@ -14,11 +14,14 @@ from renderer.errors import SettingsError
 from renderer.film import SAMPLES, Sums
 from renderer.guiding import train
 from renderer.kernel import accumulate
-from renderer.render import RenderStats, check_for_cards, render_batch, render_frame
+from renderer.kernel.backends.cuda.wavefront import BAD, RAYS
+from renderer.render import RenderStats, render_batch, render_frame
 from renderer.scene.description import Material, Sphere
 from renderer.settings import RenderSettings, Tile, View
 from tests.renderer.builders import emitter, gray, scene, settings, square
+from tests.renderer.cuda.test_kernels import of_cpu, run
 from tests.renderer.judge import limit, mean_and_error
+from tests.renderer.kernel.backends.features import FEATURES
 
 MATERIALS = [
     Material(base_color=gray(0.7)),
@@ -51,7 +54,8 @@ VIEW = View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0))
 def guide(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Trains a guide of one of the two kinds from few pilot paths; returns its kind."""
     monkeypatch.setattr(train, "MOST_LEFT_BY_PORTALS", math.inf if request.param == "portals" else 0.0)
-    monkeypatch.setattr(train, "PORTAL_PATHS", 1 << 14)
+    monkeypatch.setattr(train, "PORTAL_ROUNDS", (1 << 12, 1 << 14, 1 << 10))
+    monkeypatch.setattr(train, "MOST_LIT", 1.0)
     monkeypatch.setattr(train, "ROUNDS", (1 << 12, 1 << 14))
     monkeypatch.setattr(train, "PHOTONS", 1 << 14)
     monkeypatch.setattr(train, "MOST_LEFT", 1.0)  # so few paths learn no shares: a half everywhere
@@ -91,6 +95,20 @@ def test_both_backends_have_the_same_bits(guide: str, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("name", ["rooms", "a coat and cloth", "lamps in glass by metal and plastic"])
+def test_cards_have_the_same_bits(name: str, guide: str, monkeypatch: pytest.MonkeyPatch):
+    """By the card's kernels on the processor, of the variants plain, full and aimed."""
+    compiled, asked = (lambda: ROOMS, PICTURE) if name == "rooms" else FEATURES[name]
+    monkeypatch.setitem(FEATURES, name, (compiled, replace(asked, guiding="on")))
+    wave, (film, stats) = run(name), of_cpu(name)
+    learned = wave.scene.path_guide
+    assert len(learned.portal) > 0 if guide == "portals" else (learned.cell[:, 1] > 0).any()
+    assert np.array_equal(wave.film, film)
+    assert wave.counters[RAYS] == stats.rays
+    assert wave.counters[BAD] == 0
+
+
+@pytest.mark.long
 def test_workers_and_batches_change_no_bit(monkeypatch: pytest.MonkeyPatch):
     whole = render_frame(ROOMS, PICTURE, 4, threads=2)
     parts = np.zeros_like(whole)
@@ -116,6 +134,3 @@ def test_what_guiding_is_not_combined_with():
     for guiding in ("auto", "on"):
         with pytest.raises(SettingsError, match="guiding cannot be combined with caustics"):
             RenderSettings(2, 2, VIEW, guiding=guiding, caustics="on")
-    with pytest.raises(SettingsError, match="guiding off"):
-        check_for_cards(RenderSettings(2, 2, VIEW, guiding="on"))
-    check_for_cards(RenderSettings(2, 2, VIEW, guiding="on", integrator="direct"))

@@ -45,6 +45,27 @@ def test_only_hair_is_thinned() -> None:
     assert ends == pytest.approx([0] * 3, abs=1e-6)
 
 
+def test_elliptic_fibres_have_the_ellipses_axes_and_normals() -> None:
+    """Rings lie on ellipses of the aspect ratio, as wide on average as the smooth one, and the second UVs are their normals."""
+    strands = [Strand(line, np.linspace(0.03, 0.01, 13), steps=6) for line in arcs([0.25, 3.0])]
+    round_ones, flat = strands_mesh(strands, fibres=True), strands_mesh(strands, fibres=True, aspect=0.5)
+    assert flat.uvs1 is not None and flat.normals is not None and flat.tangents is not None and flat.diameters is not None
+    rings, middle = flat.positions.reshape(-1, 12, 3).astype(float), round_ones.positions[:, None].astype(float)
+    major = (rings[:, :1] - middle) / np.linalg.norm(rings[:, :1] - middle, axis=2, keepdims=True)
+    minor = np.cross(flat.tangents.reshape(-1, 12, 4)[:, :1, :3], major)
+    x, y = ((rings - middle) * major).sum(axis=2), ((rings - middle) * minor).sum(axis=2)
+    radii = flat.diameters.reshape(-1, 12) / 2
+    np.testing.assert_allclose(np.hypot(x, y / 0.5), radii, rtol=1e-3)
+    lengths = np.linalg.norm(np.roll(rings, 1, axis=1) - rings, axis=2).sum(axis=1)
+    assert round_ones.diameters is not None
+    circumference = 4.844224110  # of the ellipse with the radii 1 and 1/2
+    np.testing.assert_allclose(lengths, circumference * round_ones.diameters / 2, rtol=1e-3)
+    normals = np.stack([x, y / 0.25], axis=2)
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    np.testing.assert_allclose(flat.uvs1.reshape(-1, 12, 2), normals, atol=2e-3)
+    np.testing.assert_allclose(flat.normals.reshape(-1, 12, 3), normals[..., :1] * major + normals[..., 1:] * minor, atol=2e-3)
+
+
 @pytest.mark.parametrize("basis", ["linear", *BASES])
 @pytest.mark.parametrize("wrap", ["nonperiodic", "pinned", "periodic"])
 def test_curves_may_have_many_points(basis: str, wrap: str) -> None:

@@ -45,6 +45,21 @@ def test_picture_is_denoised_at_doubled_samples_in_a_part_of_the_time(clock: lis
     assert not view.is_due(1, 1.0, True), "nothing new"
 
 
+def test_small_pictures_are_denoised_once_each_and_the_whole_one_waits_for_none(clock: list[float]) -> None:
+    view = DenoisedView()
+    assert not view.is_small_due(0, False), "a tile has no samples"
+    for level in (0, 1):
+        assert view.is_small_due(level, True)
+        view.begin(PICTURE, PICTURE, PICTURE, 1.0, level, is_whole=False)
+        assert not view.is_small_due(1, True), "one at a time"
+        clock[0] += 2.0
+        view.end(rgbe9995.pack(PICTURE))
+        assert view.take()[1] == 0.0
+        assert not view.is_small_due(level, True)
+    assert not view.is_small_due(0, True), "a larger one was shown"
+    assert view.is_due(1, 1.0, False), "it does not rest"
+
+
 def test_lost_picture_is_tried_again_later(clock: list[float]) -> None:
     view = DenoisedView()
     view.begin(PICTURE, PICTURE, PICTURE, 4.0)

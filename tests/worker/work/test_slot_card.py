@@ -138,6 +138,18 @@ def test_message_is_rendered_in_blocks_and_sent_by_batch(worker: Any) -> None:
     assert render(worker, batches[0]) == [(tiles[0], False)]
 
 
+def test_settings_are_part_of_the_kernel(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded: list[str] = []
+    monkeypatch.setattr(slot_card, "fetch_kernel", lambda link, folder, name: (True, str(loaded.append(name))))
+    render(worker, BATCH)
+    warm: list[str] = []
+    monkeypatch.setattr(slot_card, "warm_up_guide", lambda settings, variant: warm.append(f"{variant} {settings.guiding}"))
+    for more in ({"spectral": "on"}, {"guiding": "auto"}):
+        render(worker, replace(BATCH, settings=replace(SETTINGS, **more)))
+    assert loaded == ["cuda-plain", "cuda-plain-spectral", "cuda-plain-guided"]
+    assert warm == ["plain off", "plain auto"]
+
+
 def test_discarded_samples_belong_to_their_tile(worker: Any) -> None:
     def with_bad(tile: Tile, first: int, count: int) -> BatchSums:
         sums = sums_of(tile, first, count)

@@ -20,8 +20,9 @@ const REST_MS = 200;
 const isRendering = ({ state }) => state === "queued" || state === "running";
 
 export class LiveFilm {
-  /** @param {Job} job of known size @param {number} [frame] */
-  constructor(job, frame = firstFrame(job)) {
+  /** @param {Job} job of known size @param {number} [frame] @param {Promise<unknown>} [after] what the fetch of the whole film waits for */
+  constructor(job, frame = firstFrame(job), after = Promise.resolve()) {
+    this.after = after;
     this.job = job.id;
     /** Whether its background is transparent, so that it has an alpha plane. */
     this.isTransparent = job.settings?.background === "transparent";
@@ -91,6 +92,8 @@ export class LiveFilm {
     this.fetching.abort();
     const { signal } = (this.fetching = new AbortController());
     try {
+      if (hasSamples) await this.after;
+      if (signal.aborted) return;
       const packet = hasSamples ? await fetchFilm(this, signal) : null;
       if (signal.aborted) return;
       if (packet) {

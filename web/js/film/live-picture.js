@@ -37,7 +37,9 @@ import { t } from "../base/words.js";
  * @returns {LivePicture}
  */
 export function livePicture(job, display, life, changed, frame) {
-  const live = new LiveFilm(job, frame);
+  // The film is many times as large as the poster, and the service makes both: first what can be seen first.
+  let isPosterHere = () => {};
+  const live = new LiveFilm(job, frame, new Promise((resolve) => (isPosterHere = () => resolve(null))));
   life.add(() => live.dispose());
   const stage = pictureStage(live.film, life, {
     wiped: (wipe) => display.update((look) => ({ ...look, wipe })),
@@ -52,6 +54,7 @@ export function livePicture(job, display, life, changed, frame) {
   };
 
   stage.view?.setPoster(live.clean || posterOf(job, live.frame, display.value));
+  void Promise.race([stage.view?.poster?.loaded, new Promise((resolve) => setTimeout(resolve, POSTER_MS))]).then(isPosterHere);
 
   let latest = job;
   /** @type {(outlines: import("./pixel-overlay.js").Outline[]) => void} */
@@ -96,6 +99,8 @@ export function livePicture(job, display, life, changed, frame) {
   };
 }
 
+/** Time, in milliseconds, that the film waits for the poster at most. */
+const POSTER_MS = 1000;
 /** As in the list of jobs, so the browser may have it cached. */
 const POSTER = { width: 320, visible: "true" };
 

@@ -31,7 +31,9 @@ const ENOUGH_SAMPLES = 8;
  * @property {string} channel
  * @property {boolean} waiting for the service to make it
  * @property {boolean} stale the film has more samples than the shown picture
- * @property {boolean} [isPreview] the shown picture is a preview, and is renewed while the job renders
+ * @property {boolean} [isPreview] the shown picture is a preview, and is renewed while the job renders, or replaced when it has ended
+ * @property {boolean} [isLast] no more samples will come
+ * @property {boolean} [isImproved] a denoised picture is shown while a better one is made
  * @property {[number, number] | null} [span] the values between which a heat map is drawn
  * @property {unknown} error why it could not be fetched
  */
@@ -206,8 +208,9 @@ export class PictureSide {
     const { channel } = this.state.value;
     this.fetching.abort();
     const { signal } = (this.fetching = new AbortController());
-    const isPreview = channel === DENOISED && this.live.isRendering === true;
-    this.state.update((state) => ({ ...state, waiting: true, error: null, isPreview }));
+    // Also of a job that has ended, a preview is first if nothing denoised is shown yet: the picture itself takes several times as long.
+    const wantsPreview = channel === DENOISED && (this.live.isRendering === true || (!this.fetched && this.live.isRendering === false));
+    this.state.update((state) => ({ ...state, waiting: true, error: null, isPreview: wantsPreview, isLast: !this.live.isRendering, isImproved: channel === DENOISED && this.fetched !== null }));
     try {
       if (channel === MIX) {
         const { width, height } = this.live.film;
@@ -221,12 +224,13 @@ export class PictureSide {
       } else if (hasWords(channel)) {
         const { width, height } = this.live.film;
         /** @type {Record<string, string>} */
-        const wish = channel === DENOISED ? { denoise: "true", ...(isPreview && { preview: "true" }) } : { aov: channel };
-        const { words, samples } = await fetchWords(this.live, wish, signal);
+        const wish = channel === DENOISED ? { denoise: "true", ...(wantsPreview && { preview: "true" }) } : { aov: channel };
+        const { words, samples, isPreview } = await fetchWords(this.live, wish, signal);
         if (signal.aborted) return;
+        this.isPreview = isPreview;
+        this.state.update((state) => ({ ...state, isPreview }));
         this.previewAt = performance.now() + (samples === this.madeOf ? EVERY_MS : 0); // the farm made no other yet
         this.madeOf = samples;
-        this.isPreview = isPreview;
         this.fetched = new Film(width, height, words);
         this.layer.setFilm(this.fetched);
       } else {

@@ -101,10 +101,11 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
     const seen = [right === null || wipe !== null, right !== null];
     const both = seen.every(Boolean);
     for (const i of /** @type {const} */ ([0, 1])) {
-      const { channel = "", waiting = false } = parts[i]?.side.state.value ?? {};
+      const side = parts[i]?.side;
+      const { channel = "", waiting = false, isImproved = false } = side?.state.value ?? {};
       const name = (i ? right : left)?.name ?? channelOf(channel).label;
       const tag = /** @type {HTMLElement} */ (tags[i]);
-      setText(tag, `${name}${waiting || parts[i]?.side.awaitsDenoised() ? " …" : ""}`);
+      setText(tag, `${name}${(waiting && !isImproved) || side?.awaitsDenoised() ? " …" : ""}`);
       tag.hidden = !seen[i] || (!both && channel === "");
       tag.classList.toggle("alone", !both);
       parts[i]?.readout.setName(both ? name : "");

@@ -1,10 +1,11 @@
 /**
- * A placeholder for a film that is being loaded: a small JPEG, usually cached from a list of pictures. It is under the canvas,
- * and is removed once the canvas has something to draw.
+ * A placeholder for a film that is being loaded: a small JPEG, usually cached from a list of pictures, and a word until that is here.
+ * It is under the canvas, and is removed once the canvas has something to draw.
  */
 
 import { h } from "../base/dom.js";
 import { showImage } from "../news/images.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 
@@ -12,10 +13,15 @@ export class Poster {
   /** @param {string | null} url null: the place stays black */
   constructor(url) {
     this.element = h("div", { class: "poster", "aria-hidden": "true" });
+    /** Resolves when the image is shown, or cannot be. @type {Promise<void>} */
+    this.loaded = Promise.resolve();
     if (!url) return;
     const image = h("img", { alt: "", decoding: "sync", fetchpriority: "high" });
-    this.element.append(image);
-    showImage(image, url).catch(() => image.remove()); // a picture without samples; the stage shows the reason
+    const word = h("p", { class: "small quiet" }, t("Loading the picture …"));
+    this.element.classList.add("loading");
+    this.element.append(image, word);
+    const loaded = () => (word.remove(), this.element.classList.remove("loading"));
+    this.loaded = showImage(image, url).then(loaded, () => (loaded(), image.remove())); // a picture without samples; the stage shows the reason
   }
 
   /** @param {Viewport} viewport @param {HTMLCanvasElement} canvas in front of the poster */

@@ -16,9 +16,10 @@ export function zoomControls(view) {
    * @param {string} name
    * @param {import("../base/dom.js").Child} face
    * @param {() => void} run
+   * @param {string} [more] class
    */
-  const button = (name, face, run) =>
-    h("button", { class: "icon-button", type: "button", "aria-label": name, title: name, onclick: run }, face);
+  const button = (name, face, run, more = "") =>
+    h("button", { class: `icon-button ${more}`, type: "button", "aria-label": name, title: name, onclick: run }, face);
   const actual = h(
     "button",
     {
@@ -33,9 +34,9 @@ export function zoomControls(view) {
     element: h(
       "span",
       { class: "zoom-controls" },
-      button(t("Zoom out (−)"), "−", () => view()?.zoom(-1)),
+      button(t("Zoom out (−)"), "−", () => view()?.zoom(-1), "zoom-out"),
       actual,
-      button(t("Zoom in (+)"), "+", () => view()?.zoom(1)),
+      button(t("Zoom in (+)"), "+", () => view()?.zoom(1), "zoom-in"),
       button(t("Fit the picture (F)"), icon("fit"), () => view()?.fit()),
     ),
     show(scale) {

@@ -40,10 +40,13 @@ export function denoiseFields(display, renew) {
   return {
     element,
     update(state) {
-      const { error, isPreview = false } = state ?? {};
+      const { error, isPreview = false, isLast = false } = state ?? {};
       bar.element.hidden = !state?.waiting || isPreview;
-      const sentence = isPreview && !error
+      const isImproved = Boolean(isPreview ? isLast && (state?.isImproved || !state?.waiting) : state?.waiting && state.isImproved);
+      const sentence = isPreview && !isLast && !error
         ? t("Renewed when its samples have doubled.")
+        : isImproved && !error
+        ? t("A preview until the final one is ready")
         : state?.waiting
         ? t("Denoising …")
         : error

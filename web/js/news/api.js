@@ -382,11 +382,12 @@ export async function fetchImage(place, query, signal) {
  * @param {Place} place
  * @param {Record<string, string | number>} query
  * @param {AbortSignal} signal
- * @returns {Promise<{words: Uint32Array, samples: number}>}
+ * @returns {Promise<{words: Uint32Array, samples: number, isPreview: boolean}>}
  */
 export async function fetchWords(place, query, signal) {
   const response = await fetchPicture(place, "rgb9e5", query, signal);
-  return { words: new Uint32Array(await response.arrayBuffer()), samples: samplesOf(response) };
+  const isPreview = response.headers.get("X-Preview") === "true";
+  return { words: new Uint32Array(await response.arrayBuffer()), samples: samplesOf(response), isPreview };
 }
 
 /**

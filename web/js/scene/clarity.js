@@ -1,7 +1,7 @@
 /** The noise of the live view, and its target noise, measured as a job's. */
 
 import { h } from "../base/dom.js";
-import { t, tn } from "../base/words.js";
+import { t } from "../base/words.js";
 
 /** Relative noise levels; the second is the default. */
 const LEVELS = [0.05, 0.02, 0.01];
@@ -11,13 +11,15 @@ const KEY = "rayfarm-view-noise";
 /**
  * @param {number} mean samples a pixel
  * @param {number | null} noise relative; null: unknown with so few samples
- * @param {number | null} slots that render it; null: it is done
+ * @param {boolean} isDone
+ * @param {boolean} [isPreview] whether something else is shown, which has no samples
  */
-export function clarity(mean, noise, slots) {
+export function clarity(mean, noise, isDone, isPreview = false) {
+  if (isPreview) return t("Preview, rendering …");
   if (!mean) return t("Waiting for the first samples …");
   const samples = t("{n} spp", { n: mean < 10 ? Number(mean.toPrecision(2)) : Math.round(mean) });
   const left = noise === null ? "" : t("{noise} noise", { noise: percent(noise) });
-  return [samples, left, slots === null ? t("done") : tn(slots, "{n} slot", "{n} slots")].filter(Boolean).join(", ");
+  return [samples, left, isDone && t("done")].filter(Boolean).join(", ");
 }
 
 /** @param {number} noise */

@@ -34,7 +34,7 @@ import { viewStage } from "./view-stage.js";
 import { viewTools } from "./view-tools.js";
 import { Store } from "../base/store.js";
 import { saidOf } from "../base/said.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../base/types.js").Job} Job */
@@ -53,6 +53,10 @@ const [CLEAN_SPP, MESH_SPP] = [8, 1];
 const [DENOISED_MS, DENOISED_SPP] = [15_000, 64];
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
 const COVERED_MS = 500;
+/** Part of the view's width that a denoised picture must have to replace the preview mesh; the number of requests whose cameras are remembered. */
+const [FINE_SHARE, MOST_VIEWS] = [0.75, 256];
+/** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
+const POOR = 0.6;
 /** Request fields that do not apply to a view. */
 const JOB_ONLY_FIELDS = ["denoise", "fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
 
@@ -147,15 +151,54 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const uncover = () => {
     uncovering = undefined;
     if (canvas.classList.contains("held-back")) return;
+    if (Number(getComputedStyle(canvas).opacity) < 1) return uncoverSoon(); // a busy machine fades late
     isCovered = false;
     surface.style.backgroundImage = "";
     meshed.hidden = true;
-    mesh.dispose();
   };
+  /** Loads the mesh for the next turn of the camera, if the view began with a picture instead. */
+  const loadMesh = () => {
+    if (mesh.mesh || !scene.preview || isDisposed) return;
+    meshOf(scene.id).then((packet) => isDisposed || mesh.mesh || mesh.setMesh(packet), () => {});
+  };
+  let isDisposed = false;
   let isCovered = true;
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let uncovering;
   const uncoverSoon = () => void (isCovered && (uncovering ??= setTimeout(uncover, COVERED_MS)));
+
+  /** Cameras of the latest requests, by their ids. @type {Map<number, View>} */
+  const views = new Map();
+  /** Keeps a denoised picture on the page after a change, projected for the new camera, until the new one is denoised. */
+  const hold = () => {
+    const view = views.get(Number(surface.dataset.view));
+    const isClean = surface.dataset.denoised === "true" && film.film.isDenoised && !canvas.classList.contains("held-back");
+    if (!view || !isClean || !willBeDenoised() || !mesh.mesh || !canKeep(view, form.view())) return;
+    clearTimeout(uncovering);
+    uncovering = undefined;
+    isCovered = true;
+    meshed.hidden = false;
+    mesh.setView(form.view());
+    picture.draw(); // WebGL keeps its picture only until the next frame
+    mesh.keep(canvas, view);
+    canvas.classList.add("held-back");
+  };
+  /**
+   * Projects a denoised picture of an earlier request in place of the kept one, where it is better: in another light of the same camera,
+   * or if the kept one shows little of the view.
+   *
+   * @param {number | null} id of the request
+   */
+  const keepNewer = (id) => {
+    const view = views.get(id ?? 0);
+    const isHeld = mesh.kept !== null && !meshed.hidden && canvas.classList.contains("held-back");
+    if (!view || !isHeld || !canKeep(view, form.view())) return;
+    if (mesh.distance === 0 ? JSON.stringify(view) !== JSON.stringify(form.view()) : mesh.distance < POOR) return;
+    picture.draw();
+    mesh.keep(canvas, view);
+  };
+  /** Whether the denoised picture is good enough to replace what is shown: a small one only where the kept one is of the same camera, or shows little of the view. */
+  const isFineEnough = () => film.film.width >= FINE_SHARE * asked.width || (mesh.kept !== null && !meshed.hidden && [0, 1].includes(mesh.distance));
 
   const film = new ViewFilm();
   film.onTurn(() => {
@@ -187,6 +230,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     exposure.value = String(stops);
     relook();
   };
+  /** @param {boolean} is whether the picture on the page is denoised */
+  const setDenoised = (is) => {
+    surface.dataset.denoised = String(is);
+    film.film.isDenoised = is;
+  };
   let lookedAt = -Infinity;
   /** When the view had MESH_SPP samples per pixel; 0: not yet. */
   let sampledAt = 0;
@@ -199,25 +247,31 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
         lookedAt = performance.now();
         lookForDarkness();
       }
+      if (surface.dataset.view !== String(next.id)) setDenoised(false); // until the state says so
       surface.dataset.view = String(next.id);
       if (!isSampled) {
         isSampled = true;
-        if (state.textContent === clarity(0, null, null)) say("", false); // the counts come with the next message
+        loadMesh();
+        if (state.textContent === clarity(0, null, false)) say("", false); // the counts come with the next message
       }
       if (!canvas.classList.contains("held-back")) uncoverSoon();
       picture.invalidate();
     },
     state(told) {
-      const { samples, bound, mean, noise, done, slots, denoised, message } = told;
+      const { samples, bound, mean, noise, done, slots, message } = told;
+      const denoised = told.denoised && surface.dataset.view === String(told.id);
+      const isLatest = told.id === link.id && !link.pending;
       surface.dataset.samples = String(samples);
       sampledAt = mean < MESH_SPP ? 0 : sampledAt || performance.now(); // another view begins anew
       const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
-      if (denoised || done || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP)) release();
-      surface.dataset.denoised = String(denoised);
-      film.film.isDenoised = denoised;
+      const isReady = (denoised && isFineEnough()) || (done && !isDenoisedSoon) || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
+      if (isReady && (isLatest || !mesh.kept)) release();
+      else if (denoised) keepNewer(told.id);
+      setDenoised(denoised);
       if (message) say(saidOf(told, "message"));
-      else if (bound) say(clarity(mean, noise, done ? null : slots), done);
+      else if (bound) say(clarity(mean, noise, done, isCovered && !meshed.hidden && canvas.classList.contains("held-back")), done);
+      state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");
     },
     failed: (sentence) => say(sentence),
     picked: (found) => onPicked?.(found),
@@ -244,6 +298,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
   /** The first request. @type {string | undefined} */
   let firstAsked;
+  /** The latest request, and its size on the page. @type {{text: string, width: number, height: number} | undefined} */
+  let lastAsked;
   /** Width of the view in CSS pixels. */
   let wide = 0;
   /** The fields of the form's request that a view reads. */
@@ -261,7 +317,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (text !== (firstAsked ??= text) && meshed.hidden) release();
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
+    if (lastAsked && text !== lastAsked.text && Math.abs(width * lastAsked.height - height * lastAsked.width) <= width + height) hold();
+    lastAsked = { text, width, height };
     asked = { width, height };
+    views.set(link.id + 1, form.view());
+    views.delete(link.id + 1 - MOST_VIEWS);
     link.show({ ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true });
     if (isCovered) mesh.setView(form.view());
     others.changed();
@@ -461,6 +521,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       return { film: film.film, isSame, clean: !isHeld ? "" : meshed.hidden ? meanwhile.url : meshPicture(mesh, meshed) };
     },
     dispose() {
+      isDisposed = true;
       clearTimeout(uncovering);
       resizing.disconnect();
       stage.dispose();
@@ -478,6 +539,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     },
   };
 }
+
+/** Whether a picture of one camera can be shown for another. @param {View} from @param {View} to */
+const canKeep = (from, to) =>
+  JSON.stringify(from) === JSON.stringify(to) || [from, to].every(({ projection }) => (projection ?? "perspective") === "perspective");
 
 /**
  * Returns what a view shows as a small picture in base64.

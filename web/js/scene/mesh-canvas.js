@@ -1,6 +1,8 @@
 /** Draws a scene's preview mesh with WebGL: shaded triangles, seen by the camera of the live view. */
 
+import { KEPT_GLSL, KeptPicture, fromMiddle } from "./kept-picture.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
+import { programOf } from "./mesh-program.js";
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
@@ -36,6 +38,8 @@ uniform vec3 eye;
 uniform bool inStudio;
 uniform sampler2D image;
 uniform float cutoff;
+uniform bool hasKept;
+${KEPT_GLSL}
 in vec2 texel;
 in vec3 place;
 in vec3 facing;
@@ -57,6 +61,10 @@ void main() {
     float shade = OPEN * (walls + 0.65 * max(dot(n, KEY), 0.0) + 0.24 * max(dot(n, RIM), 0.0));
     color = pow(pow(color, vec3(2.2)) * shade, vec3(1.0 / 2.2));
   } else if (shown.a > 0.5) color *= 0.5 + 0.5 * abs(dot(n, light));
+  if (hasKept) {
+    vec4 known = keptAt(place, flatly, 0.0);
+    color = mix(color * keptLight(place), known.rgb, known.a);
+  }
   pixel = vec4(color, 1.0);
 }`;
 
@@ -91,22 +99,6 @@ function whiteTexture(gl) {
   return texture;
 }
 
-/** @param {WebGL2RenderingContext} gl @param {string} vertex @param {string} fragment @returns {WebGLProgram | null} null: the driver refuses it */
-function programOf(gl, vertex, fragment) {
-  const program = gl.createProgram();
-  for (const [type, source] of /** @type {const} */ ([
-    [gl.VERTEX_SHADER, vertex],
-    [gl.FRAGMENT_SHADER, fragment],
-  ])) {
-    const shader = /** @type {WebGLShader} */ (gl.createShader(type));
-    gl.shaderSource(shader, source);
-    gl.compileShader(shader);
-    gl.attachShader(program, shader);
-  }
-  gl.linkProgram(program);
-  return gl.getProgramParameter(program, gl.LINK_STATUS) ? program : null;
-}
-
 export class MeshCanvas {
   /** @param {HTMLCanvasElement} canvas as large as its box */
   constructor(canvas) {
@@ -121,6 +113,8 @@ export class MeshCanvas {
     this.mesh = null;
     /** @type {View | null} */
     this.view = null;
+    /** A picture without noise, which is projected onto the mesh. @type {KeptPicture | null} */
+    this.kept = null;
     this.pending = 0;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** @type {WebGLProgram | null} */
@@ -137,6 +131,7 @@ export class MeshCanvas {
   setMesh(mesh) {
     const { gl } = this;
     this.mesh = mesh;
+    this.kept = null;
     if (!gl || gl.isContextLost()) return;
     const program = programOf(gl, VERTEX, FRAGMENT);
     if (!program) return; // the picture comes without a preview
@@ -192,6 +187,25 @@ export class MeshCanvas {
     this.invalidate();
   }
 
+  /**
+   * Projects a picture onto the mesh from now on.
+   *
+   * @param {HTMLCanvasElement} picture
+   * @param {View} view its camera
+   */
+  keep(picture, view) {
+    if (!this.gl || !this.program || this.gl.isContextLost()) return;
+    this.kept ??= new KeptPicture(this.gl);
+    this.kept.set(picture, view);
+    this.draw(); // at once: it replaces the picture on the page
+    this.invalidate();
+  }
+
+  /** How far the camera is from that of the projected picture, 0 ... 1; 1 without one. */
+  get distance() {
+    return (this.view && this.kept?.distance(this.view)) ?? 1;
+  }
+
   invalidate() {
     this.pending ||= requestAnimationFrame(() => {
       this.pending = 0;
@@ -205,14 +219,39 @@ export class MeshCanvas {
     const ratio = Math.min(devicePixelRatio, MAX_RATIO);
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    const aspect = width / height;
+    const { kept } = this;
+    const isSame = kept?.distance(view) === 0;
+    if (kept && !isSame) kept.measure(mesh, (toClip, from) => this.drawMesh(toClip, mesh, from, null));
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    const toClip = clipMatrix(view, width / height, mesh.low, mesh.high);
+    kept?.drawBehind(mesh, view, aspect, this.above, this.hasFloor);
+    canvas.dataset.drawn = String(mesh.triangles);
+    if (isSame) return;
+    const toClip = clipMatrix(view, aspect, mesh.low, mesh.high);
+    this.drawMesh(toClip, mesh, view, kept);
+    if (this.hasFloor && !mesh.background && !kept) this.drawShadow(toClip, mesh);
+  }
+
+  /**
+   * @param {Float32Array<ArrayBuffer>} toClip
+   * @param {MeshPacket} mesh
+   * @param {View} view
+   * @param {KeptPicture | null} kept
+   */
+  drawMesh(toClip, mesh, view, kept) {
+    const { gl, program } = this;
+    if (!gl || !program) return;
     gl.useProgram(program);
+    gl.uniform1i(gl.getUniformLocation(program, "hasKept"), kept ? 1 : 0);
+    gl.uniform1i(gl.getUniformLocation(program, "kept"), 1); // units of their own, also while they are empty
+    gl.uniform1i(gl.getUniformLocation(program, "keptDepth"), 2);
+    gl.uniform1i(gl.getUniformLocation(program, "keptShade"), 3);
+    kept?.bind(program, mesh, view);
     gl.uniformMatrix4fv(gl.getUniformLocation(program, "toClip"), false, toClip);
     gl.uniform3fv(gl.getUniformLocation(program, "above"), this.above);
-    gl.uniform3fv(gl.getUniformLocation(program, "eye"), view.eye.map((value, i) => value - ((mesh.low[i] ?? 0) + (mesh.high[i] ?? 0)) / 2));
+    gl.uniform3fv(gl.getUniformLocation(program, "eye"), fromMiddle(view.eye, mesh.low, mesh.high));
     gl.uniform1i(gl.getUniformLocation(program, "inStudio"), mesh.background ? 0 : 1);
     gl.uniform3fv(gl.getUniformLocation(program, "extent"), mesh.high.map((value, i) => value - (mesh.low[i] ?? 0)));
     const [right, above, back] = cameraAxes(view);
@@ -223,8 +262,6 @@ export class MeshCanvas {
       gl.uniform1f(gl.getUniformLocation(program, "cutoff"), cutoff);
       gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 4 * first);
     }
-    if (this.hasFloor && !mesh.background) this.drawShadow(toClip, mesh);
-    canvas.dataset.drawn = String(mesh.triangles);
   }
 
   /** @param {Float32Array<ArrayBuffer>} toClip @param {MeshPacket} mesh */

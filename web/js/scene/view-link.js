@@ -51,7 +51,7 @@ export class ViewLink extends LastingSocket {
     /** A view waits for the next animation frame, since mouse events are more frequent. */
     this.pending = 0;
     /** Resolves when the latest picture is shown: pictures are unpacked in parallel and shown in order. */
-    this.shown = Promise.resolve();
+    this.shown = /** @type {Promise<unknown>} */ (Promise.resolve());
     /** Whether pictures are paused, since they are not visible. */
     this.rests = false;
     this.seen = () => this.send({ paused: document.hidden || this.rests });
@@ -72,7 +72,10 @@ export class ViewLink extends LastingSocket {
 
   /** @override @param {any} said */
   onMessage(said) {
-    if (said.type !== "error") this.handlers[said.type]?.(said);
+    const { socket } = this;
+    // A state is that of the picture sent before it, which may still be unpacked.
+    if (said.type === "state") void this.shown.then(() => this.socket === socket && this.handlers.state(said));
+    else if (said.type !== "error") this.handlers[said.type]?.(said);
     else if (said.id === null || said.id === this.id) this.handlers.failed(saidOf(said, "detail"));
   }
 

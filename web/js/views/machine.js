@@ -30,7 +30,7 @@ export function machineCard() {
   const gauge = h("div", { class: "gauge", "aria-hidden": "true" }, h("div"));
   const failures = h("dd");
   const line = sparkline();
-  const cards = h("ul", { class: "small cards" });
+  const cards = h("ul", { class: "small graphics-cards" });
   const slots = h("ul", { class: "slot-tiles" });
   const showSlots = keyedList(
     slots,
@@ -131,14 +131,16 @@ export function machineCard() {
  * @param {Worker} worker
  */
 function showCards(list, worker) {
-  const used = (worker.cards ?? []).map(({ name, memory, samples_per_s: speed }) =>
-    [name, bytes(memory), speed ? t("{n} samples/s", { n: compact(speed) }) : ""].filter(Boolean).join(" · "),
-  );
+  const used = (worker.cards ?? []).map(({ number, name, memory, samples_per_s: speed }) => {
+    const size = `${Math.round(memory / 2 ** 30)} GiB`; // in the unit of the reasons and of the makers
+    const card = [name, size, speed ? t("{n} samples/s", { n: compact(speed) }) : ""].filter(Boolean).join(" · ");
+    return t("Renders with card {number}: {card}", { number, card });
+  });
   const unused = allSaidOf(worker, "cards_unused");
   list.hidden = used.length + unused.length === 0;
   fill(
     list,
-    ...used.map((text) => h("li", null, t("Graphics card: {card}", { card: text }))),
+    ...used.map((text) => h("li", null, text)),
     ...unused.map((text) => h("li", { class: "quiet" }, text)),
   );
 }

@@ -11,7 +11,8 @@ from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import DONE, length, put, row, truncate
 from renderer.kernel.backends.cpu.rows import FIRST_GROUP, PATHS, Sample, at, column
 from renderer.kernel.fixed_point import add_fixed8, fixed, in_half, sample_contribution
-from renderer.kernel.light_groups import add_sample_by_group, forget_groups
+from renderer.kernel.light_groups import add_to_plane, forget_groups
+from renderer.kernel.light_paths import add_sample_by_light
 from renderer.kernel.steps.record_first_hit import DEEP, IDS, MEANS, FirstHit
 from renderer.kernel.steps.state import PathState
 from renderer.wide.fields import columns_of, width_of
@@ -143,9 +144,7 @@ def _add_groups(pool, path, film, place, scale, by_group):
     groups, paths, rows, begin = by_group
     first, second, radiance = _group_row(path, rows), _group_row(path + _PATHS, rows), _radiance(pool, path)
     base = begin + np.uintp(place) * _3 * (np.uintp(groups) + np.uintp(paths))
-    add_sample_by_group(film, base, _1, pool, first, second, groups, radiance, scale)
-    base, behind = base + _3 * np.uintp(groups), np.uintp(groups) + _1
-    add_sample_by_group(film, base, _1, pool, first + behind, second + behind, paths, radiance, scale)
+    add_sample_by_light(film, base, _1, pool, (first, second), (groups, paths), radiance, scale, add_to_plane)
     _forget(pool, path, rows)
 
 

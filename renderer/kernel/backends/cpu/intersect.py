@@ -159,7 +159,7 @@ def intersect_closest(scene, alone, stack, pool, lists):
 @device
 def _chosen_row(pool, rows, options):
     """Returns the row of the light group that was sampled for the vertices of one path or of eight."""
-    first = group_row(rows, options)
+    first = group_row(pool, rows, options)
     return first + gather_group(pool, first + options.groups, ChosenGroup).group
 
 
@@ -186,7 +186,7 @@ def add_transmitted(scene, alone, pool, row, options):
             brought = direct_light(light.brought, left, light.segments, options)
             add_group_light(pool, _chosen_row(pool, np.uint32(row), options), brought, _YES)
         if scene.has.light_paths is not None:
-            brought, first = direct_light(light.brought, left, light.segments, options), group_row(np.uint32(row), options)
+            brought, first = direct_light(light.brought, left, light.segments, options), group_row(pool, np.uint32(row), options)
             add_sampled_path_light(pool, first, options, brought, number + _ONE, _YES)
         radiance = add_direct_light(path.radiance, light.brought, left, light.segments, options)
         scatter(pool, row, with_radiance(path, radiance))
@@ -219,7 +219,7 @@ def add_unoccluded(scene, pool, rows, occluded, options):
         add_group_light(pool, _chosen_row(pool, rows, options), brought, not_(occluded))
     if scene.has.light_paths is not None:
         brought = direct_light(light.brought, left, light.segments, options)
-        add_sampled_path_light(pool, group_row(rows, options), options, brought, path.number, not_(occluded))
+        add_sampled_path_light(pool, group_row(pool, rows, options), options, brought, path.number, not_(occluded))
     scatter(pool, rows, with_radiance(path, where3(occluded, path.radiance, lit)))
 
 

@@ -89,7 +89,7 @@ def _descend(scene, pool, lists, options):
 @device
 def _store_group(scene, pool, rows, options, choice, light):
     """Writes the light group of what eight paths have sampled behind the light by group of their rows."""
-    scatter_group(pool, group_row(rows, options) + options.groups, ChosenGroup(group_of_sample(scene, choice, light)))
+    scatter_group(pool, group_row(pool, rows, options) + options.groups, ChosenGroup(group_of_sample(scene, choice, u32(light))))
 
 
 @template

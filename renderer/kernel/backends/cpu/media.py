@@ -95,9 +95,9 @@ def sample_free_flight(scene, pool, rows, options):
     if scene.has.grids is not None:
         path, light = add_medium_light(path, event.emitted, options)
         if scene.has.groups is not None:
-            add_group_light(pool, group_row(rows, options) + group_of_media(scene), light, path.number == path.number)
+            add_group_light(pool, group_row(pool, rows, options) + group_of_media(scene), light, path.number == path.number)
         if scene.has.light_paths is not None:
-            first, always = group_row(rows, options), path.number == path.number
+            first, always = group_row(pool, rows, options), path.number == path.number
             add_path_light(pool, first, options, light, path.number, EMISSION, always)
     none = zero_like(path.number)
     if scene.has.reflections is not None:

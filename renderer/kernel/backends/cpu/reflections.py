@@ -57,6 +57,6 @@ def meet_objects(scene, pool, rows, meets, hides, ray, path, last, kind, time, w
         hit = record_reflection(hit, luminance_on_film(scene, stream, path.radiance))
         scatter(pool, spare_where_not(pool, meets, first), hit)
         if scene.has.by_light is not None:
-            forget_lights(pool, group_row(spare_where_not(pool, meets, rows), options), options)
+            forget_lights(pool, group_row(pool, spare_where_not(pool, meets, rows), options), options)
         path = with_radiance(path, where3(not_(meets), path.radiance, (none, none, none)))
     return path

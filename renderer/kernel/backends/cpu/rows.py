@@ -231,6 +231,7 @@ gather, scatter = accessors(LAYOUT)
 
 FIRST_GROUP = np.uint32((ROWS + 1) * LAYOUT.width // GROUP_ROW)  # the first row of the light by group, behind the paths' rows
 assert LAYOUT.width % GROUP_ROW == 0
+_GROUP_ROWS = np.uint32(LAYOUT.width // GROUP_ROW)  # rows of the light by group in the place of one of a path
 
 
 def group_floats(rows: int) -> int:
@@ -239,9 +240,12 @@ def group_floats(rows: int) -> int:
 
 
 @device
-def group_row(rows, options):
+def group_row(pool, rows, options):
     """Returns the row of the first group of the path in one row of the pool or in eight, for renderer/kernel/light_groups.py."""
-    return rows * options.group_rows + FIRST_GROUP
+    first = FIRST_GROUP
+    if pool.ndim == 2:  # a graphics card's
+        first = np.uint32(pool.shape[1]) * _GROUP_ROWS
+    return rows * options.group_rows + first
 
 
 def line_floats(count: int) -> npt.NDArray[np.float32]:

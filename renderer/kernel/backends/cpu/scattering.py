@@ -223,10 +223,10 @@ def scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, 
     if scene.has.light_paths is not None:
         first = spare_where_not(pool, path.number == _ZERO, second_rows(pool, rows) if second else rows)
         share = share_after_vertex(reflected, value, sample.wi, is_surface)
-        store_share(pool, group_row(first, options), options, share)
+        store_share(pool, group_row(pool, first, options), options, share)
         if is_lit is not None and lit and not second:
             share = share_after_vertex(to_sample, f, wi, is_surface)
-            store_sampled_share(pool, group_row(first, options), options, share)
+            store_sampled_share(pool, group_row(pool, first, options), options, share)
     branches = none + _ONE
     if is_lit is not None:
         branches = where(splits(path.number, shading.list == _RARE_SPECULAR), none + np.float32(options.splitting), branches)

@@ -21,4 +21,4 @@ def spectrum_to_rgb(scene, pool, lists, options):
         path, stream = gather(pool, rows, PathState), camera_stream(gather(pool, rows, Sample), options)
         scatter(pool, rows, with_radiance(path, to_rgb(scene.spectrum, stream, path.radiance)))
         if scene.has.by_light is not None:
-            planes_to_rgb(scene.spectrum, stream, pool, group_row(rows, options), options)
+            planes_to_rgb(scene.spectrum, stream, pool, group_row(pool, rows, options), options)

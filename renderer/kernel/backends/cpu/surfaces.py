@@ -112,10 +112,10 @@ def shade_miss(scene, pool, rows, options, is_recorded):
     wavelengths = path_wavelengths(scene, pool, rows, options)
     light = vec.scale(light_at(scene, seen.radiance, wavelengths), weight)
     if scene.has.groups is not None:
-        group = group_row(rows, options) + group_of_environment(scene, weight)
+        group = group_row(pool, rows, options) + group_of_environment(scene, weight)
         add_group_light(pool, group, brought_light(path, light, options), counts)
     if scene.has.light_paths is not None:
-        first, brought = group_row(rows, options), brought_light(path, light, options)
+        first, brought = group_row(pool, rows, options), brought_light(path, light, options)
         add_path_light(pool, first, options, brought, path.number, ENVIRONMENT, counts)
     path = add_light(path, light, counts, options)
     if scene.has.lights is not None:
@@ -128,10 +128,10 @@ def shade_miss(scene, pool, rows, options, is_recorded):
             light = vec.scale(light_at(scene, seen.radiance, wavelengths), hit_weight(ray.pdf, seen.light_pdf))
             if scene.has.groups is not None:
                 sun = as_wide(np.uint32(scene.sun[which]), weight)
-                group = group_row(rows, options) + group_of_light(scene, sun)
+                group = group_row(pool, rows, options) + group_of_light(scene, sun)
                 add_group_light(pool, group, brought_light(path, light, options), counts)
             if scene.has.light_paths is not None:
-                first, brought = group_row(rows, options), brought_light(path, light, options)
+                first, brought = group_row(pool, rows, options), brought_light(path, light, options)
                 add_path_light(pool, first, options, brought, path.number, ENVIRONMENT, counts)
             path = add_light(path, light, counts, options)
     if scene.has.reflections is not None and any_of(reflected):
@@ -215,11 +215,11 @@ def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_
         weight = hit_weight(ray.pdf, seen.light_pdf)
         light = vec.scale(light_at(scene, seen.radiance, wavelengths), weight)
         if scene.has.groups is not None:
-            group = group_row(rows, options) + group_of_light(scene, where(lit, surface.light, _NONE))
+            group = group_row(pool, rows, options) + group_of_light(scene, where(lit, surface.light, _NONE))
             add_group_light(pool, group, brought_light(path, light, options), lit)
         if scene.has.light_paths is not None:
             brought = brought_light(path, light, options)
-            add_path_light(pool, group_row(rows, options), options, brought, path.number, EMISSION, lit)
+            add_path_light(pool, group_row(pool, rows, options), options, brought, path.number, EMISSION, lit)
         path = add_light(path, light, lit, options)
     if scene.has.reflections is not None and any_of(reflected):
         add_arriving_light(scene, pool, rows, reflected & not_(over), before, path, options)
@@ -244,11 +244,11 @@ def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_
         unlit = unlit & not_(held | caught | over)
     if any_of(unlit):
         if scene.has.groups is not None:
-            group = group_row(rows, options) + group_of_material(scene, surface.material)
+            group = group_row(pool, rows, options) + group_of_material(scene, surface.material)
             add_group_light(pool, group, brought_light(path, parameters.base, options), unlit)
         if scene.has.light_paths is not None:
             brought = brought_light(path, parameters.base, options)
-            add_path_light(pool, group_row(rows, options), options, brought, path.number, EMISSION, unlit)
+            add_path_light(pool, group_row(pool, rows, options), options, brought, path.number, EMISSION, unlit)
         path = add_light(path, parameters.base, unlit, options)
     if any_of(first):
         seen = record_first_hit(surface, parameters, frame[2], hit.t, gather(pool, rows, Sample).start)

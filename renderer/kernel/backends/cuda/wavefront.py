@@ -48,8 +48,10 @@ from renderer.kernel.backends.cpu.rows import (
     RowHit,
     Sample,
     Shading,
+    camera_stream,
     column,
     gather,
+    group_row,
     last_vertex,
     scatter,
     second_rows,
@@ -72,8 +74,12 @@ from renderer.kernel.backends.scalar.first_hit import (
 from renderer.kernel.backends.scalar.light import has_lights
 from renderer.kernel.backends.scalar.tile import add_sample
 from renderer.kernel.light.lights import choose_sampled
+from renderer.kernel.light_groups import forget_groups
+from renderer.kernel.light_paths import add_sample_by_light
 from renderer.kernel.material.material import factors_at
 from renderer.kernel.medium.camera_media import media_of_camera
+from renderer.kernel.spectrum.light_planes import planes_to_rgb
+from renderer.kernel.spectrum.wavelengths import to_rgb
 from renderer.kernel.steps.record_first_hit import FirstHit
 from renderer.kernel.steps.splitting import splits
 from renderer.kernel.steps.state import Crossings, PathState, Ray
@@ -120,7 +126,8 @@ class Wave(NamedTuple):
     batch: Any  # renderer/kernel/accumulate.py
     film: Any  # (planes, h, w) int64, added to, with planes of alpha if these are requested; its size is the tile's
     counters: Any  # (COUNTERS,) int64
-    pool: Any  # (columns, 2 * paths) f32; the last row is the spare one, so that there are paths - 1 paths
+    pool: Any  # (columns, 2 * paths) f32; the last row is the spare one, so that there are paths - 1 paths; behind them their
+    # light by group and path, each row's as a whole (renderer/kernel/light_groups.py)
     lists: Any  # (LISTS, 2 * paths) u32: numbers of rows
     lengths: Any  # (LISTS,) int64: of the lists
     branches: Any  # (paths,) int64: of each path, how many branches have not ended
@@ -159,6 +166,14 @@ def find_camera_media(job, thread):
     job.counters[_CAMERA_MEDIA] = media_of_camera(job.scene, stack, job.camera, pixels * job.batch.count)
 
 
+@device
+def _forget_light_planes(job, path):
+    """Sets the light by group and path of both branches of a path to 0."""
+    pool, options = job.pool, job.options
+    forget_groups(pool, group_row(pool, path, options), options.group_rows)
+    forget_groups(pool, group_row(pool, second_rows(pool, path), options), options.group_rows)
+
+
 @subroutine
 def start_paths(job, thread):
     """Starts the job's next samples in free rows; those that are left over are not listed again. Threads: paths."""
@@ -175,6 +190,8 @@ def start_paths(job, thread):
         else:
             medium_stack = u32(job.counters[_CAMERA_MEDIA])
             start_path(job.pool, row, job.camera, job.options, job.scene.has.motion, medium_stack)
+        if job.scene.has.by_light is not None:
+            _forget_light_planes(job, row)
         job.branches[row] = _ONE
         _append(job, _ACTIVE, row)
 
@@ -388,26 +405,55 @@ def _add_to_film(job, pool, batch, path):
     """Adds a path to the film, or counts it as bad if it is not finite."""
     hit, sums = local_floats(FIRST_HIT_SLOTS), local_zeros(np.int64, _SUMS)
     store_first_hit(hit, gather(pool, path, FirstHit))
-    second = gather(pool, second_rows(pool, path), PathState)
-    radiance = vec.add(gather(pool, path, PathState).radiance, second.radiance)
+    radiance = _radiance(job, path)
     if vec.is_finite(radiance) and is_finite_first_hit(hit):
         sample = gather(pool, path, Sample)
-        if job.options.has_mattes and catches_light_alone(hit):  # a shadow is black
+        caught = job.options.has_mattes and catches_light_alone(hit)
+        if caught:  # a shadow is black
             store_shadow(hit, radiance)
             radiance = vec.sub(radiance, radiance)
         add_sample(sums, 0, 0, np.int64(sample.number), radiance, hit, job.options.scale, batch.origin)
         if job.options.transparent_background:
             add_alpha(sums, 0, 0, hit, job.options.scale)
-        pixels = job.film.shape[1] * job.film.shape[2]
+        pixels, behind = job.film.shape[1] * job.film.shape[2], 0
+        if job.scene.has.by_light is not None:
+            behind = 3 * (np.int64(job.options.groups) + np.int64(job.options.paths))
+            if not caught:
+                _add_light_planes(job, path, sample.place, radiance)
         for plane in range(_PLANES):
             value = sums[plane, 0, 0]
             if value != 0:
-                add_atomically(job.film, np.uintp(plane * pixels + sample.place), value)
+                place = plane if plane < CHANNELS else plane + behind  # those of alpha are the film's last
+                add_atomically(job.film, np.uintp(place * pixels + sample.place), value)
         if len(job.records) > 0:
             number = np.int64(sample.place) * batch.count + np.int64(sample.number) - batch.first
             store_record(job.records, np.uintp(number), hit, radiance)
     else:
         add_atomically(job.counters, _BAD, _ONE)
+
+
+@device
+def _radiance(job, path):
+    """Returns the radiance of both branches of a path, linear Rec.709."""
+    second = gather(job.pool, second_rows(job.pool, path), PathState).radiance
+    first = gather(job.pool, path, PathState).radiance
+    if job.scene.spectrum is not None:
+        stream = camera_stream(gather(job.pool, path, Sample), job.options)
+        first, second = to_rgb(job.scene.spectrum, stream, first), to_rgb(job.scene.spectrum, stream, second)
+    return vec.add(first, second)
+
+
+@device
+def _add_light_planes(job, path, place, radiance):
+    """Adds a path's light by group and path to the planes of its pixel. place: of the pixel. radiance: the path's."""
+    pool, options, pixels = job.pool, job.options, np.uintp(job.film.shape[1] * job.film.shape[2])
+    rows = group_row(pool, path, options), group_row(pool, second_rows(pool, path), options)
+    if job.scene.spectrum is not None:
+        stream = camera_stream(gather(pool, path, Sample), options)
+        planes_to_rgb(job.scene.spectrum, stream, pool, rows[0], options)
+        planes_to_rgb(job.scene.spectrum, stream, pool, rows[1], options)
+    plane, counts = np.uintp(CHANNELS) * pixels + np.uintp(place), (options.groups, options.paths)
+    add_sample_by_light(job.film, plane, pixels, pool, rows, counts, radiance, options.scale, add_atomically)
 
 
 _KERNELS = (

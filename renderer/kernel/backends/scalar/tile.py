@@ -19,14 +19,16 @@ from renderer.kernel.backends.scalar.first_hit import (
     store_shadow,
 )
 from renderer.kernel.fixed_point import fixed, in_half
-from renderer.kernel.light_groups import add_sample_by_group, forget_groups
+from renderer.kernel.light_groups import add_to_plane, forget_groups
+from renderer.kernel.light_paths import add_sample_by_light
 from renderer.kernel.medium.camera_media import media_of_camera
 from renderer.kernel.steps.spawn_camera_ray import spawn_camera_ray
 
 __all__ = ["add_sample", "render_tile"]
 
 _COLOR, _COLOR_HALF = COLOR.start, COLOR_HALF.start
-_ONE, _TWO, _THREE = np.uint32(1), np.uint32(2), np.uint32(3)
+_TWO = np.uint32(2)
+_FIRST_GROUP = np.uintp(FIRST_GROUP)
 
 
 @device
@@ -88,15 +90,10 @@ def render_tile(trace, scene, stack, camera, options, batch, output):
                     store_shadow(hit, radiance)
                     radiance = vec.sub(radiance, radiance)
                 add_sample(sums, y, x, sample, radiance, hit, scale, batch.origin)
-                if scene.has.groups is not None and not caught:
+                if scene.has.by_light is not None and not caught:
                     place = np.uintp(CHANNELS) * pixels + np.uintp(y * sums.shape[2] + x)
-                    rows = FIRST_GROUP, FIRST_GROUP + options.group_rows
-                    add_sample_by_group(output.flat, place, pixels, hit, *rows, options.groups, radiance, scale)
-                if scene.has.light_paths is not None and not caught:
-                    place = np.uintp(CHANNELS + _THREE * options.groups) * pixels + np.uintp(y * sums.shape[2] + x)
-                    behind = FIRST_GROUP + options.groups + _ONE
-                    rows = behind, behind + options.group_rows
-                    add_sample_by_group(output.flat, place, pixels, hit, *rows, options.paths, radiance, scale)
+                    rows, counts = (_FIRST_GROUP, _FIRST_GROUP + np.uintp(options.group_rows)), (options.groups, options.paths)
+                    add_sample_by_light(output.flat, place, pixels, hit, rows, counts, radiance, scale, add_to_plane)
                 if options.transparent_background:
                     add_alpha(sums, y, x, hit, scale)
                 if len(output.records) > 0:

@@ -127,7 +127,7 @@ def tubes_of(
     tint = primvars.find_primvar(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
     uvs = [_uvs(prim, name, time) for name in uv_sets]
-    sides = 0 if fibres else sides_of(len(counts))
+    sides = 0 if fibres else sides_of(len(counts), fibres)
     normals, facing = _normals(prim, curves, time)
     if fibres and len(normals):
         notes.add(Sentence("usd-ribbons-drawn-as-tubes", "Ribbons of hair are drawn as round fibres"), path)
@@ -184,7 +184,7 @@ def tubes_of(
             elif fibres:
                 pieces.append(shapes.fibres(lines[k, kept], radii[k, kept], own_colors, own_uvs))
             else:
-                pieces.append(tubes(lines[k, kept], radii[k, kept], own_colors, sides, own_uvs))
+                pieces.append(tubes(lines[k, kept], radii[k, kept], own_colors, sides, uvs=own_uvs))
     if not pieces:
         return None
     return tubes_mesh(prim.GetName(), pieces)

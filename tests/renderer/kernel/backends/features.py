@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -32,9 +33,10 @@ from renderer.scene.readers.strands import Strand, strands_mesh
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, gray, icosphere, square
 
-__all__ = ["FEATURES", "SIZE", "Feature", "made"]
+__all__ = ["FEATURES", "GROUPS", "SIZE", "SPECTRAL", "Feature", "grouped", "made"]
 
 SIZE = 32
+GROUPS = ("key", "sky", "sun-1")
 VIEW = View((0.0, 1.6, 5.0), (0.0, 0.7, 0.0), fov=45.0)
 GLASS = {"kind": "glass", "base_color": gray(1.0), "roughness": 0.0}
 BLEND = {"alpha_mode": "blend"}
@@ -64,15 +66,15 @@ def _smooth(mesh: Mesh) -> Mesh:
     return replace(mesh, normals=unit.astype(np.float32), uvs=uvs)
 
 
-def strands() -> Mesh:
-    """Returns bent fibres of hair that stand on the floor, of material 0."""
+def strands(aspect: float = 1.0) -> Mesh:
+    """Returns bent fibres of hair that stand on the floor, of material 0. aspect: of their cross-sections."""
     random = np.random.default_rng(2)
     along = np.linspace(0, 1, 6)[:, None]
     fibres = []
     for x, z, lean_x, lean_z in random.uniform(-1, 1, (60, 4)):
         points = np.column_stack([1.5 + 0.5 * x + 0.4 * lean_x * along**2, 1.5 * along, 0.5 * z + 0.4 * lean_z * along**2])
         fibres.append(Strand(points, np.linspace(0.03, 0.01, len(points))))
-    return strands_mesh(fibres, fibres=True)
+    return strands_mesh(fibres, fibres=True, aspect=aspect)
 
 
 def _moved(x: float, y: float = 0.7, z: float = 0.0) -> np.ndarray:
@@ -490,6 +492,19 @@ FEATURES: dict[str, Feature] = {
         views=tuple(replace(VIEW, eye=(x, 1.6, 5.0)) for x in (-0.3, 0.0, 0.4)),
         max_depth=12,
     ),
+    "hair of facets": _feature(
+        lambda: room(
+            Material(kind="hair", model="huang", base_color=(0.6, 0.4, 0.2), aspect_ratio=0.6, ior=1.55), (strands(0.6),)
+        )
+    ),
+    "hair of facets in fog": _feature(
+        lambda: room(
+            Material(kind="hair", model="huang", eumelanin=0.5, roughness=0.4, distribution="beckmann", ior=1.55, r=0.5),
+            (strands(),),
+            medium=Medium(sigma_s=gray(0.1)),
+        ),
+        max_depth=12,
+    ),
     # Light links
     "linked lights": _feature(lambda: linked(Material(**PBR, metallic=0.5, roughness=0.3))),
     "linked lights through cards": _feature(lambda: linked(_half_clear(normal_texture=2))),
@@ -508,7 +523,31 @@ FEATURES: dict[str, Feature] = {
 }
 
 
+# The features that are rendered by wavelength, too.
+SPECTRAL = (
+    *("metal and plastic", "a rough metal", "an even metal", "textures", "coloured glass", "a prism", "a coat and cloth"),
+    *("leaves", "half clear lights", "unlit", "rough plastic", "a sky's picture", "a highlight of Blinn's", "a soap film"),
+    *("fog", "wax", "milk in glass", "smoke in a grid", "fire in a grid behind cards", "reflections on a floor"),
+)
+
+
 def made(name: str) -> tuple[CompiledScene, RenderSettings]:
     """Returns the scene of that name and its settings."""
     compiled, settings = FEATURES[name]
     return compiled(), settings
+
+
+@cache
+def grouped(name: str) -> CompiledScene:
+    """Returns the scene of that name, with its lights and materials in random ones of GROUPS, other than the environment's."""
+    scene = made(name)[0]
+    random = np.random.default_rng(len(name))
+    arrays = {
+        "light_group": random.choice([0, 1, 3], len(scene.light_primitive)).astype(np.int32),
+        "material_group": random.integers(0, 4, len(scene.material_kind)).astype(np.int32),
+        "environment_group": np.array([2], np.int32),
+        "group_name": np.frombuffer("\0".join(GROUPS).encode(), np.uint8).copy(),
+    }
+    for array in arrays.values():
+        array.flags.writeable = False
+    return scene._replace(**arrays)

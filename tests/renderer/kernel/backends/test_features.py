@@ -12,7 +12,7 @@ from renderer.film import ALBEDO, CHANNELS, COLOR, SAMPLES, Sums
 from renderer.kernel import accumulate
 from renderer.render import RenderStats, render_frame, variant_for
 from tests.grids import grid
-from tests.renderer.kernel.backends.features import FEATURES, made
+from tests.renderer.kernel.backends.features import FEATURES, SPECTRAL, made
 
 SPP = 4
 # For these features the single-path kernel is compiled again, which takes longer than all others together. Their pictures from
@@ -39,15 +39,10 @@ AIMED = (
 )
 AIMED_IN_MEDIA = ("lamps in glass in fog", "lamps in glass by wax")
 # For these the kernels of hair, of light links and of visibility by kind of ray are compiled.
-HAIR = ("hair", "hair in fog")
+HAIR = ("hair", "hair in fog", "hair of facets", "hair of facets in fog")
 LINKED = ("linked lights", "linked lights through cards", "linked lights in fog", "linked lights on wax")
 BY_KIND = ("seen by some rays", "seen by some rays, through cards", "seen by some rays, in fog")
 CAUGHT = ("reflections on a floor", "reflections without shadows", "reflections in fog")
-SPECTRAL = (
-    *("metal and plastic", "a rough metal", "an even metal", "textures", "coloured glass", "a prism", "a coat and cloth"),
-    *("leaves", "half clear lights", "unlit", "rough plastic", "a sky's picture", "a highlight of Blinn's", "a soap film"),
-    *("fog", "wax", "milk in glass", "smoke in a grid", "fire in a grid behind cards", "reflections on a floor"),
-)
 RARE = MOVING + MEDIA + AIMED + AIMED_IN_MEDIA + HAIR + LINKED + BY_KIND + CAUGHT
 
 
@@ -102,6 +97,7 @@ def test_the_features_ask_for_all_variants() -> None:
         variant = "visibility" if name in BY_KIND else variant
         variant = "catchers" if name in CAUGHT else variant
         variant = {"hair": "hair", "hair in fog": "moving-hair", "reflections in fog": "moving-catchers"}.get(name, variant)
+        variant = {"hair of facets": "huang", "hair of facets in fog": "moving-huang"}.get(name, variant)
         assert variant_for(settings, scene) == variant, name
 
 

@@ -9,6 +9,7 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 
 import httpx
@@ -18,8 +19,9 @@ import pytest
 from renderer.image import rgbe9995
 from service.jobs.lookup import find_film
 from service.scheduling.artifacts import denoising, previews
-from service.scheduling.artifacts.artifact_task import ArtifactResult
+from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
+from service.scheduling.artifacts.kept_artifacts import KeptArtifacts
 from service.scheduling.artifacts.previews import DenoisedPreviews
 from service.store.bands import bands
 from tests.service.conftest import Service, until
@@ -150,7 +152,11 @@ def test_preview_is_renewed_when_samples_have_doubled(service: Service, worker: 
             made.append(int(answer.headers["x-samples"]))
     assert all(after >= 2 * before for before, after in pairwise(made[1:-1])), made
     assert len(worker.denoised) <= 8
-    assert raw(service, job, "?denoise=true&preview=true").headers["x-samples"] == str(60 * pixels)
+    last = raw(service, job, "?denoise=true&preview=true").headers
+    assert (int(last["x-samples"]) > 30 * pixels, last["x-preview"]) == (True, "true")
+    for query in ("", "&preview=true"):  # the picture itself is stored from then on
+        found = raw(service, job, f"?denoise=true{query}").headers
+        assert (found["x-samples"], "x-preview" in found) == (str(60 * pixels), False)
     assert set(worker.guides[:-1]) == {None} and worker.guides[-1] is not None
     tasks = service.farm.engine._artifact_tasks
     assert [each.samples for each in tasks.denoising._made.values()] == [60 * pixels], "a finished picture is no preview"
@@ -294,3 +300,15 @@ def test_false_duration_of_a_preview_does_not_stop_renewals() -> None:
     made._record_made(ArtifactResult("", seconds=1e308))
     assert made._rests_until - time.monotonic() <= previews.REST * previews.MOST_SECONDS
     made.close()
+
+
+def test_stored_pictures_are_known_after_a_restart(tmp_path: Path) -> None:
+    kept = KeptArtifacts(tmp_path / "denoised.json")
+    assert kept.load() == {}
+    made = {("job", 0): ArtifactResult("a" * 64, "version", 9, 1.5), ("shot", 14): ArtifactResult("b" * 64, "a+b", 3)}
+    kept.save(made)
+    assert KeptArtifacts(tmp_path / "denoised.json").load() == made
+    (tmp_path / "denoised.json").write_text('[["job", 0, "../secret", "", 1, 0]]')
+    assert kept.load() == {}, "no hash"
+    (tmp_path / "denoised.json").write_text("[[1]]")
+    assert kept.load() == {}, "damaged"

@@ -1,0 +1,261 @@
+/**
+ * The last picture without noise of a live view, drawn for another camera while its own picture is being rendered: projected from the
+ * camera that it was rendered for onto the preview mesh, onto the floor, and onto what is far away.
+ */
+
+import { cameraAxes, clipMatrix } from "./mesh-camera.js";
+import { programOf } from "./mesh-program.js";
+
+/** @typedef {import("../base/types.js").View} View */
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
+/** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
+
+/**
+ * How much of the kept picture is seen at a point, and its colour there. softness: 0 for the picture's own camera, in which every point
+ * is seen as it was; else what lies at the picture's edge, or was seen at a grazing angle, fades.
+ */
+export const KEPT_GLSL = `
+uniform sampler2D kept;
+uniform highp sampler2D keptDepth;
+uniform sampler2D keptShade;
+uniform mat4 keptClip;
+uniform vec3 keptEye;
+uniform float softness;
+const float SLACK = 0.012; // of the distance, within which two points are one: the mesh is simplified
+// Part of the points around uv, so far away in widths of the picture, in which the mesh is not nearer than z.
+float open(float z, vec2 uv, float margin) {
+  vec2 size = vec2(textureSize(keptDepth, 0));
+  vec2 wide = max(margin * size.x, 0.7) / size;
+  float count = 0.0;
+  for (int i = 0; i < 9; i++) {
+    vec2 corner = uv + wide * (vec2(i % 3, i / 3) - 1.0);
+    if (z <= 2.0 * textureLod(keptDepth, corner, 0.0).r - 1.0) count += 1.0 / 9.0;
+  }
+  return count;
+}
+// How bright the picture is by the mesh's shading, around what the picture shows where the point is or, if it is hidden, before it.
+vec3 keptLight(vec3 place) {
+  const float AROUND = 7.0; // level of detail
+  vec4 at = keptClip * vec4(place, 1.0);
+  vec2 uv = at.w > 0.0 ? clamp(0.5 + 0.5 * at.xy / at.w, 0.05, 0.95) : vec2(0.5);
+  return clamp((textureLod(kept, uv, AROUND).rgb + 0.02) / (textureLod(keptShade, uv, AROUND).rgb + 0.02), 0.1, 2.0);
+}
+vec4 keptAt(vec3 place, vec3 n, float margin) {
+  vec4 at = keptClip * vec4(place, 1.0);
+  if (at.w <= 0.0) return vec4(0.0);
+  vec2 uv = 0.5 + 0.5 * at.xy / at.w;
+  vec2 edge = smoothstep(vec2(0.0), vec2(0.001 + 0.05 * softness), min(uv, 1.0 - uv));
+  float slope = length(vec3(keptClip[0].z, keptClip[1].z, keptClip[2].z));
+  float z = at.z / at.w;
+  float near = open(min(z - SLACK * abs(z - slope), 1.0) - 1e-6, uv, margin);
+  if (margin > 0.0) near = smoothstep(0.85, 1.0, near);
+  float facing = abs(dot(n, normalize(keptEye - place)));
+  float weight = edge.x * edge.y * near * mix(1.0, smoothstep(0.05, 0.35, facing), softness);
+  return vec4(textureLod(kept, uv, 0.0).rgb, weight);
+}`;
+
+const VERTEX = `#version 300 es
+out vec2 at;
+void main() {
+  at = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
+  gl_Position = vec4(at, 0.9999999, 1.0);
+}`;
+const FRAGMENT = `#version 300 es
+precision highp float;
+${KEPT_GLSL}
+uniform bool isSame;
+uniform vec3 eye;
+uniform vec3 forward;
+uniform vec3 across;
+uniform vec3 upward;
+uniform vec3 above;
+uniform float floorHeight;
+uniform float reach; // how far the floor is drawn; 0: there is none
+in vec2 at;
+out vec4 pixel;
+const float BLUR = 3.0; // level of detail of what stands in for what the picture does not show
+const float MARGIN = 0.008; // width of the rim around the mesh that has its colour, too
+vec3 distant(vec3 way) {
+  vec4 place = keptClip * vec4(way, 0.0);
+  vec2 uv = place.w > 1e-6 ? 0.5 + 0.5 * place.xy / place.w : vec2(0.5, 0.95);
+  vec2 inside = clamp(uv, 0.01, 0.99);
+  vec3 beside = mix(textureLod(kept, vec2(0.01, inside.y), BLUR).rgb, textureLod(kept, vec2(0.99, inside.y), BLUR).rgb, inside.x);
+  float left = open(1.0, vec2(0.01, inside.y), MARGIN), right = open(1.0, vec2(0.99, inside.y), MARGIN);
+  if (left * right < 1.0) beside = left > right ? textureLod(kept, vec2(0.01, inside.y), BLUR).rgb : textureLod(kept, vec2(0.99, inside.y), BLUR).rgb;
+  float free = smoothstep(0.85, 1.0, open(1.0, inside, MARGIN));
+  return mix(beside, textureLod(kept, inside, BLUR * smoothstep(0.0, 0.1, length(uv - inside))).rgb, free);
+}
+void main() {
+  if (isSame) {
+    pixel = vec4(texture(kept, 0.5 + 0.5 * at).rgb, 1.0);
+    return;
+  }
+  vec3 way = normalize(forward + at.x * across + at.y * upward);
+  vec3 color = distant(way);
+  float fall = dot(way, above);
+  float away = reach > 0.0 && abs(fall) > 1e-5 ? (floorHeight - dot(eye, above)) / fall : -1.0;
+  if (away > 0.0) {
+    vec4 lying = keptAt(eye + away * way, above, MARGIN);
+    color = mix(color, lying.rgb, lying.a * (1.0 - smoothstep(0.5 * reach, reach, away)));
+  }
+  pixel = vec4(color, 1.0);
+}`;
+
+/** Turn of the camera, as an angle plus its way by its distance, from which a kept picture shows little of what the camera sees. */
+const FAR_TURN = 0.9;
+/** How far the floor is drawn, in radii of the scene. */
+const FLOOR_REACH = 12;
+
+export class KeptPicture {
+  /** @param {WebGL2RenderingContext} gl */
+  constructor(gl) {
+    this.gl = gl;
+    this.program = programOf(gl, VERTEX, FRAGMENT);
+    this.color = gl.createTexture();
+    this.depth = gl.createTexture();
+    /** The mesh as the picture's camera sees it, without the picture. */
+    this.shade = gl.createTexture();
+    this.frame = gl.createFramebuffer();
+    /** The camera of the picture; null: there is no picture. @type {View | null} */
+    this.view = null;
+    this.width = this.height = 1;
+    this.hasDepth = false;
+  }
+
+  /** @param {TexImageSource & {width: number, height: number}} picture as displayed @param {View} view its camera */
+  set(picture, view) {
+    const { gl } = this;
+    this.view = view;
+    this.hasDepth = false;
+    [this.width, this.height] = [picture.width, picture.height];
+    gl.activeTexture(gl.TEXTURE1);
+    gl.bindTexture(gl.TEXTURE_2D, this.color);
+    gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, true);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, picture);
+    gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
+    gl.generateMipmap(gl.TEXTURE_2D);
+    smooth(gl);
+    gl.activeTexture(gl.TEXTURE0);
+  }
+
+  /** How far a camera is from the picture's: 0 the same, 1 so far that the picture is of little use. @param {View} view */
+  distance(view) {
+    const old = this.view;
+    if (!old) return 1;
+    if (JSON.stringify(old) === JSON.stringify(view)) return 0;
+    if (view.projection !== old.projection) return 1;
+    const [a, b] = [cameraAxes(old)[2], cameraAxes(view)[2]];
+    const angle = Math.acos(Math.min(1, Math.max(-1, a[0] * b[0] + a[1] * b[1] + a[2] * b[2])));
+    const way = Math.hypot(...view.eye.map((value, i) => value - (old.eye[i] ?? 0)));
+    const away = Math.hypot(...old.eye.map((value, i) => value - (old.target[i] ?? 0))) || 1;
+    return Math.min(1, Math.max(1e-3, (angle + way / away) / 2 / FAR_TURN));
+  }
+
+  /**
+   * Renders what the picture's camera sees of the mesh, once for each picture: distances and shading.
+   *
+   * @param {MeshPacket} mesh
+   * @param {(toClip: Float32Array<ArrayBuffer>, view: View) => void} drawMesh
+   */
+  measure(mesh, drawMesh) {
+    const { gl, view, width, height } = this;
+    if (this.hasDepth || !view) return;
+    gl.activeTexture(gl.TEXTURE2);
+    gl.bindTexture(gl.TEXTURE_2D, this.depth);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.DEPTH_COMPONENT24, width, height, 0, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT, null);
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
+    for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
+    gl.bindTexture(gl.TEXTURE_2D, null); // it is not read while it is written
+    gl.activeTexture(gl.TEXTURE3);
+    gl.bindTexture(gl.TEXTURE_2D, this.shade);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+    smooth(gl);
+    gl.bindTexture(gl.TEXTURE_2D, null);
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.shade, 0);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, this.depth, 0);
+    gl.viewport(0, 0, width, height);
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    this.drawBehind(mesh, view, width / height, [0, 1, 0], false); // where there is no mesh the picture is as bright as itself
+    drawMesh(clipMatrix(view, width / height, mesh.low, mesh.high), view);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.activeTexture(gl.TEXTURE3);
+    gl.bindTexture(gl.TEXTURE_2D, this.shade);
+    gl.generateMipmap(gl.TEXTURE_2D);
+    gl.activeTexture(gl.TEXTURE0);
+    this.hasDepth = true;
+  }
+
+  /**
+   * Sets what KEPT_GLSL reads.
+   *
+   * @param {WebGLProgram} program in use
+   * @param {MeshPacket} mesh
+   * @param {View} seen the camera that the picture is drawn for
+   */
+  bind(program, { low, high }, seen) {
+    const { gl, view, width, height } = this;
+    if (!view) return;
+    const at = (/** @type {string} */ name) => gl.getUniformLocation(program, name);
+    for (const [unit, texture] of [
+      [1, this.color],
+      [2, this.hasDepth ? this.depth : null],
+      [3, this.hasDepth ? this.shade : null],
+    ]) {
+      gl.activeTexture(gl.TEXTURE0 + Number(unit));
+      gl.bindTexture(gl.TEXTURE_2D, /** @type {WebGLTexture | null} */ (texture));
+    }
+    gl.activeTexture(gl.TEXTURE0);
+    gl.uniform1i(at("kept"), 1);
+    gl.uniform1i(at("keptDepth"), 2);
+    gl.uniform1i(at("keptShade"), 3);
+    gl.uniformMatrix4fv(at("keptClip"), false, clipMatrix(view, width / height, low, high));
+    gl.uniform3fv(at("keptEye"), fromMiddle(view.eye, low, high));
+    gl.uniform1f(at("softness"), Math.min(1, 4 * this.distance(seen)));
+  }
+
+  /**
+   * Fills the canvas with what is behind the mesh; for the picture's own camera, with the whole picture.
+   *
+   * @param {MeshPacket} mesh
+   * @param {View} seen the camera
+   * @param {number} aspect
+   * @param {Vec3} above upward in the scene
+   * @param {boolean} hasFloor
+   */
+  drawBehind(mesh, seen, aspect, above, hasFloor) {
+    const { gl, program } = this;
+    if (!program || !this.view) return;
+    const { low, high } = mesh;
+    const at = (/** @type {string} */ name) => gl.getUniformLocation(program, name);
+    gl.useProgram(program);
+    this.bind(program, mesh, seen);
+    const half = Math.tan((seen.fov * Math.PI) / 360);
+    const [right, up, back] = cameraAxes(seen);
+    const [shiftX, shiftY] = [half * 2 * (seen.shift_x ?? 0), half * 2 * (seen.shift_y ?? 0)];
+    const radius = Math.hypot(...high.map((value, i) => value - (low[i] ?? 0))) / 2;
+    const ground = above.map((value, i) => value * ((value > 0 ? (low[i] ?? 0) : (high[i] ?? 0)) - ((low[i] ?? 0) + (high[i] ?? 0)) / 2));
+    gl.uniform1i(at("isSame"), this.distance(seen) === 0 ? 1 : 0);
+    gl.uniform3fv(at("eye"), fromMiddle(seen.eye, low, high));
+    gl.uniform3fv(at("forward"), [0, 1, 2].map((i) => shiftX * (right[i] ?? 0) + shiftY * (up[i] ?? 0) - (back[i] ?? 0)));
+    gl.uniform3fv(at("across"), right.map((value) => value * half * aspect));
+    gl.uniform3fv(at("upward"), up.map((value) => value * half));
+    gl.uniform3fv(at("above"), above);
+    gl.uniform1f(at("floorHeight"), ground.reduce((sum, value) => sum + value, 0));
+    gl.uniform1f(at("reach"), hasFloor ? FLOOR_REACH * radius : 0);
+    gl.disable(gl.DEPTH_TEST);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.enable(gl.DEPTH_TEST);
+  }
+}
+
+/** Filters the texture that is bound, with mipmaps. @param {WebGL2RenderingContext} gl */
+function smooth(gl) {
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
+  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
+}
+
+/** @param {Vec3} point @param {Vec3} low @param {Vec3} high @returns {number[]} relative to the middle of the bounds */
+export const fromMiddle = (point, low, high) => point.map((value, i) => value - ((low[i] ?? 0) + (high[i] ?? 0)) / 2);
