@@ -17,9 +17,12 @@ from renderer.scene.description import Mesh
 __all__ = [
     "BASES",
     "MAX_FINE_CURVES",
+    "MAX_STEPS",
+    "MAX_VERTICES",
     "STEPS",
     "CurveWeights",
     "Tubes",
+    "curve_segments",
     "curve_weights",
     "elliptic",
     "fibres",
@@ -29,6 +32,7 @@ __all__ = [
     "sides_of",
     "tubes",
     "tubes_mesh",
+    "varying_values",
 ]
 
 F64 = npt.NDArray[np.float64]
@@ -43,6 +47,8 @@ BASES = {
 
 MAX_FINE_CURVES = 500  # up to this many curves get more sides, or more lines
 MAX_CURVES = 20_000  # likewise; of more, each is hardly wider than a pixel
+MAX_VERTICES = 1 << 25
+MAX_STEPS = 1 << 19  # points along curves, those of equal length counted once: their frames are computed one after another
 
 
 class Tubes(NamedTuple):
@@ -117,6 +123,27 @@ def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
     return mesh
 
 
+def curve_segments(count: int, basis: str, wrap: str) -> int:
+    """Returns the number of cubic segments of a curve with `count` control points; 0 if it is too short.
+
+    basis: a key of BASES; wrap: nonperiodic, periodic or pinned, as in USD.
+    """
+    step = 3 if basis == "bezier" else 1
+    if wrap == "periodic":
+        segments = count // step
+    else:
+        segments = count - 1 if wrap == "pinned" and basis != "bezier" else (count - 4) // step + 1
+    return 0 if count < (2 if wrap == "pinned" else 3) else max(segments, 0)
+
+
+def varying_values(count: int, basis: str, wrap: str) -> int:
+    """Returns the number of varying values of a curve with `count` control points: one at each end of a segment."""
+    if basis == "linear":
+        return count
+    segments = curve_segments(count, basis, wrap)
+    return segments if wrap == "periodic" and segments else segments + 1
+
+
 def curve_weights(count: int, basis: str, wrap: str) -> tuple[CurveWeights, CurveWeights]:
     """Returns the weights of the points along a curve: those of its control points, and those of values at its segments' ends.
 
@@ -128,11 +155,8 @@ def curve_weights(count: int, basis: str, wrap: str) -> tuple[CurveWeights, Curv
         return lines, lines
     step = 3 if basis == "bezier" else 1
     pinned = wrap == "pinned" and basis != "bezier"
-    if wrap == "periodic":
-        segments = count // step
-    else:
-        segments = count - 1 if pinned else (count - 4) // step + 1
-    if count < (2 if wrap == "pinned" else 3) or segments < 1:
+    segments = curve_segments(count, basis, wrap)
+    if not segments:
         none = np.zeros((0, 1), np.int64), np.zeros((0, 1))
         return CurveWeights(count, *none), CurveWeights(1, *none)
     sample = np.arange(segments * STEPS + 1)
@@ -154,7 +178,7 @@ def curve_weights(count: int, basis: str, wrap: str) -> tuple[CurveWeights, Curv
             own[rows, next_point] -= own[rows, phantom]
             own[rows, phantom] = 0
         index = index.clip(0, count - 1)
-    varying = segments if wrap == "periodic" else segments + 1
+    varying = varying_values(count, basis, wrap)
     ends, shares = np.stack([segment, (segment + 1) % varying], axis=1), np.stack([1 - u, u], axis=1)
     return CurveWeights(count, index, own), CurveWeights(varying, ends, shares)
 

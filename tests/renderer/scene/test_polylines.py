@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from renderer.errors import SceneError
+from renderer.scene.readers.curve_files import mesh_of_curves
 from renderer.scene.readers.polylines import by_stride
 from renderer.scene.readers.strands import Strand, strands_mesh
-from renderer.scene.readers.tubes import BASES, curve_weights
+from renderer.scene.readers.tubes import BASES, MAX_STEPS, curve_segments, curve_weights, varying_values
+from tests.helpers import code_of
 
 
 def arcs(bends: list[float], points: int = 13) -> np.ndarray:
@@ -76,3 +79,38 @@ def test_curves_may_have_many_points(basis: str, wrap: str) -> None:
         inner = weights.interpolate(np.arange(weights.length, dtype=float)[None, :, None])[0, 20:-20, 0]
         np.testing.assert_allclose(np.diff(inner), inner[1] - inner[0], rtol=1e-6)
         assert weights.which.shape[1] <= 4
+
+
+@pytest.mark.parametrize("fibres", [False, True])
+def test_too_many_points_are_refused_before_they_take_time(fibres: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Curves of different lengths take a step for each point, those of equal length one together; all take memory."""
+    one = Strand(np.zeros((MAX_STEPS + 1, 3)), np.ones(MAX_STEPS + 1))
+    with pytest.raises(SceneError) as refusal:
+        strands_mesh([one], fibres)
+    assert code_of(refusal.value) == "curves-too-many" and str(MAX_STEPS + 1) in str(refusal.value)
+    strands = [Strand(line, np.full(13, 0.02), steps=6) for line in arcs([3.0] * 3)]
+    most = 3 * 13 * (1 if fibres else 12)
+    monkeypatch.setattr("renderer.scene.readers.strands.MAX_VERTICES", most)
+    assert len(strands_mesh(strands, fibres).positions) >= most
+    with pytest.raises(SceneError):
+        strands_mesh([*strands, strands[0]], fibres)
+
+
+@pytest.mark.parametrize("line", ["0 0 nan 1", "0 0 0 inf", "0 0 0", "0 x 0 1", "\0\x01"])
+def test_curve_file_with_a_malformed_point_is_refused(line: str) -> None:
+    whole = "0 0 0 1\n0 1 0 -1\n\n\n"
+    mesh = mesh_of_curves("linear", (whole + whole.replace(" ", ",")).encode(), "h.txt", np.eye(4))
+    assert len(mesh.triangles) == 2 * (2 * 12 + 2 * 10) and np.isfinite(mesh.positions).all()
+    with pytest.raises(SceneError, match="line 5") as refusal:
+        mesh_of_curves("linear", (whole + line).encode(), "h.txt", np.eye(4))
+    assert code_of(refusal.value) == "curve-point-invalid"
+
+
+@pytest.mark.parametrize("basis", ["linear", *BASES])
+@pytest.mark.parametrize("wrap", ["nonperiodic", "pinned", "periodic"])
+def test_sizes_of_curves_are_those_of_their_weights(basis: str, wrap: str) -> None:
+    for count in range(10):
+        points, ends = curve_weights(count, basis, wrap)
+        assert ends.length == varying_values(count, basis, wrap)
+        if basis != "linear":
+            assert max(points.samples - 1, 0) == 6 * curve_segments(count, basis, wrap)

@@ -13,15 +13,19 @@ from renderer.scene.readers import tubes as shapes
 from renderer.scene.readers.polylines import by_stride
 from renderer.scene.readers.tubes import (
     BASES,
+    MAX_STEPS,
+    MAX_VERTICES,
     STEPS,
     CurveWeights,
     Tubes,
+    curve_segments,
     curve_weights,
     fineness_of,
     ribbons,
     sides_of,
     tubes,
     tubes_mesh,
+    varying_values,
 )
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
@@ -30,7 +34,6 @@ from renderer.sentences import Sentence
 __all__ = ["PointSpheres", "spheres_of_points", "tubes_of"]
 
 F64 = npt.NDArray[np.float64]
-MAX_VERTICES = 1 << 25
 _TOO_MANY = Sentence("usd-curves-too-many", "Curves beyond the limit are left out")
 _WIDTHS = Sentence("usd-point-width-count-wrong", "Points whose number of widths is wrong are shown with width 1")
 
@@ -134,7 +137,16 @@ def tubes_of(
         normals = normals[:0]
     spans = np.zeros(len(counts), np.int64)  # number of varying values per curve
     for count in np.unique(counts):
-        spans[counts == count] = curve_weights(int(count), basis, wrap)[1].length
+        spans[counts == count] = varying_values(int(count), basis, wrap)
+    if surplus := _with_surplus_points(counts, basis, wrap):
+        notes.add(
+            Sentence(
+                "usd-curve-points-surplus",
+                "{curves} Bezier curves have points beyond their last segment, which are left out",
+                curves=surplus,
+            ),
+            path,
+        )
     expected = {"uniform": len(counts), "varying": spans.sum(), "vertex": len(points)}.get(str(interpolation), 1)
     if len(widths) not in (1, expected):
         notes.add(
@@ -142,8 +154,12 @@ def tubes_of(
         )
         widths = widths[:1]
     pieces: list[Tubes] = []
-    total = 0
+    total = along_all = 0
     for count in np.unique(counts):
+        along_all += int(count) if basis == "linear" else curve_segments(int(count), basis, wrap) * STEPS
+        if along_all > MAX_STEPS:
+            notes.add(_TOO_MANY, path)
+            break
         weights, between = curve_weights(int(count), basis, wrap)
         which = np.flatnonzero(counts == count)
         if weights.samples < 2:
@@ -188,6 +204,14 @@ def tubes_of(
     if not pieces:
         return None
     return tubes_mesh(prim.GetName(), pieces)
+
+
+def _with_surplus_points(counts: npt.NDArray[np.int64], basis: str, wrap: str) -> int:
+    """Returns the number of Bezier curves with one or two points after their last whole segment."""
+    if basis != "bezier":
+        return 0
+    surplus = counts % 3 != (0 if wrap == "periodic" else 1)
+    return int((surplus & (counts >= (3 if wrap == "periodic" else 4))).sum())
 
 
 def _normals(prim: Any, curves: Any, time: Any) -> tuple[F64, str]:
