@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from renderer.scene.readers.polylines import by_stride
 from renderer.scene.readers.strands import Strand, strands_mesh
-from renderer.scene.readers.tubes import BASES, curve_weights
+from renderer.scene.readers.tubes import BASES, curve_weights, elliptic
 
 
 def arcs(bends: list[float], points: int = 13) -> np.ndarray:
@@ -63,6 +65,9 @@ def test_elliptic_fibres_have_the_ellipses_axes_and_normals() -> None:
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     np.testing.assert_allclose(flat.uvs1.reshape(-1, 12, 2), normals, atol=2e-3)
     np.testing.assert_allclose(flat.normals.reshape(-1, 12, 3), normals[..., :1] * major + normals[..., 1:] * minor, atol=2e-3)
+    assert round_ones.normals is not None
+    bent = elliptic(replace(round_ones, normals=np.zeros_like(round_ones.normals)), 12, 0.5)
+    assert all(np.isfinite(array).all() for array in (bent.positions, bent.normals, bent.uvs1)), "normals without a direction"
 
 
 @pytest.mark.parametrize("basis", ["linear", *BASES])
