@@ -1,4 +1,4 @@
-"""Converts hair, fur and wire curves to tubes or ribbons in one mesh."""
+"""Converts hair, fur and wire curves to fibres, tubes or ribbons in one mesh."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import Mesh
+from renderer.scene.readers import tubes as shapes
 from renderer.scene.readers.polylines import by_stride
 from renderer.scene.readers.tubes import BASES, STEPS, elliptic, fineness_of, ribbons, sides_of, tubes, tubes_mesh
 
@@ -54,7 +55,8 @@ _LEAST_SIDES = 6  # of an ellipse
 def strands_mesh(strands: list[Strand], fibres: bool = False, aspect: float = 1.0) -> Mesh:
     """Returns one mesh with a tube or ribbon for each curve; with many curves, tubes have fewer sides.
 
-    fibres: whether they are fibres of hair (tubes.py), whose cross-sections are ellipses of the aspect ratio.
+    fibres: whether they are fibres of hair (tubes.py), which are segments of round curves; with an aspect ratio below 1, tubes
+    whose cross-sections are ellipses.
     """
     groups: dict[tuple[int, bool, int], list[Strand]] = {}
     for strand in strands:
@@ -64,7 +66,10 @@ def strands_mesh(strands: list[Strand], fibres: bool = False, aspect: float = 1.
         lines, radii = np.stack([strand.points for strand in group]), np.stack([strand.radii for strand in group])
         if fibres:
             alike = by_stride(lines, radii, steps, *fineness_of(len(strands)))
-            pieces += [tubes(lines[k, kept], radii[k, kept], None, sides, True) for k, kept in alike]
+            if aspect < 1:
+                pieces += [tubes(lines[k, kept], radii[k, kept], None, sides, True) for k, kept in alike]
+            else:
+                pieces += [shapes.fibres(lines[k, kept], radii[k, kept], None) for k, kept in alike]
         elif is_round:
             pieces.append(tubes(lines, radii, None, sides))
         else:

@@ -1,6 +1,6 @@
-"""Converts curves to tubes of triangles: closed ones, or fibres of hair, which are open and have tangents and diameters.
+"""Converts curves: fibres of hair to segments of round curves (renderer/bvh/curves.py), others to closed tubes of triangles.
 
-Ribbons, which are flat, become strips.
+Elliptic fibres are open tubes with tangents and diameters. Ribbons, which are flat, become strips.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ __all__ = [
     "Tubes",
     "curve_weights",
     "elliptic",
+    "fibres",
     "fineness_of",
     "line_tangents",
     "ribbons",
@@ -41,12 +42,12 @@ BASES = {
 }
 
 
-MAX_FINE_CURVES = 500  # up to this many curves get more sides
+MAX_FINE_CURVES = 500  # up to this many curves get more sides, or more lines
 MAX_CURVES = 20_000  # likewise; of more, each is hardly wider than a pixel
 
 
 class Tubes(NamedTuple):
-    """Tubes around curves, as triangles."""
+    """Tubes around curves, as triangles, or the curves themselves: triangles (a, b, b) are their segments."""
 
     positions: F64
     normals: F64
@@ -109,10 +110,10 @@ def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
         mesh.colors[:, :3] = all_colors.clip(0, 1)
     uv_sets = [np.concatenate(uvs).astype(np.float32) for uvs in zip(*(p.uvs for p in pieces), strict=False)]
     mesh.uvs, mesh.uvs1 = (uv_sets[k] if k < len(uv_sets) else None for k in (0, 1))
-    fibres = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
-    if fibres:
-        tangents: F64 = np.concatenate([along for along, _ in fibres])
-        diameters: F64 = np.concatenate([across for _, across in fibres])
+    round_ones = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
+    if round_ones:
+        tangents: F64 = np.concatenate([along for along, _ in round_ones])
+        diameters: F64 = np.concatenate([across for _, across in round_ones])
         mesh.tangents, mesh.diameters = tangents.astype(np.float32), diameters.astype(np.float32)
     return mesh
 
@@ -166,6 +167,25 @@ def line_tangents(lines: F64) -> F64:
     tangents[:, 0], tangents[:, -1] = lines[:, 1] - lines[:, 0], lines[:, -1] - lines[:, -2]
     tangents /= np.maximum(np.linalg.norm(tangents, axis=2, keepdims=True), 1e-30)
     return tangents
+
+
+def fibres(lines: F64, radii: F64, colors: F64 | None, uvs: Sequence[F64] = ()) -> Tubes:
+    """Returns (N, S, 3) polylines as segments of round curves, with tangents and diameters.
+
+    radii: (N, S); colors: (N, S, 3) or None; uvs: (N, S, 2) each.
+    """
+    count, samples = lines.shape[:2]
+    tangents = line_tangents(lines).reshape(-1, 3)
+    first = (np.arange(count)[:, None] * samples + np.arange(samples - 1)).reshape(-1)
+    return Tubes(
+        lines.reshape(-1, 3),
+        np.cross(tangents, np.eye(3)[np.argmin(np.abs(tangents), axis=1)]),  # any normal: those of hits follow from the ray
+        None if colors is None else colors.reshape(-1, colors.shape[2]),
+        np.stack([first, first + 1, first + 1], axis=1),
+        np.column_stack([tangents, np.ones(len(tangents))]),
+        2 * radii.reshape(-1),
+        tuple(each.reshape(-1, 2) for each in uvs),
+    )
 
 
 def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool = False, uvs: Sequence[F64] = ()) -> Tubes:
@@ -222,7 +242,7 @@ def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool =
 
 
 def elliptic(mesh: Mesh, sides: int, aspect: float) -> Mesh:
-    """Returns round fibres with a cross-section that is an ellipse, as wide on average as the smooth one.
+    """Returns tubes that are fibres with a cross-section that is an ellipse, as wide on average as the smooth one.
 
     mesh: of fibres whose vertices are rings of `sides`; the major axis is that from the middle of a ring to its first vertex, as
     long as before. aspect: minor over major radius, below 1. The second UV set takes the normals, along the major and the minor
