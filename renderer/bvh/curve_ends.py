@@ -11,7 +11,7 @@ __all__ = ["NO_ENDS", "segment_ends"]
 
 Array = npt.NDArray[Any]
 
-NO_ENDS: Array = np.zeros((0, 3), np.float32)
+NO_ENDS: npt.NDArray[np.float32] = np.zeros((0, 3), np.float32)
 NO_ENDS.flags.writeable = False
 _SLACK = 1 / 64  # of the radius
 
@@ -23,13 +23,16 @@ def segment_ends(position: Array, segment: Array, radius: Array) -> npt.NDArray[
     the points of a sphere at a joint, relative to its centre, that are not inside the next segment: it is the axis' length times
     the sine of the bend, and more where the radius changes.
     """
+    if not len(segment):
+        return NO_ENDS
     axis = position[segment[:, 1]].astype(np.float64) - position[segment[:, 0]]
     length = np.linalg.norm(axis, axis=1)
     unit = axis / np.maximum(length, 1e-30)[:, None]
     slope = np.abs(np.diff(radius[segment].astype(np.float64), axis=1)[:, 0]) / np.maximum(length, 1e-30)
-    following = np.full(len(position), -1)
-    following[segment[:, 0]] = np.arange(len(segment))
-    following = following[segment[:, 1]]
+    base, last = int(segment.min()), int(segment.max())  # a tree's vertices are a small part of all
+    following = np.full(last + 1 - base, -1)
+    following[segment[:, 0] - base] = np.arange(len(segment))
+    following = following[segment[:, 1] - base]
     first = np.flatnonzero((following >= 0) & (following != np.arange(len(segment))))
     second = following[first]
     bend = np.linalg.norm(np.cross(unit[first], unit[second]), axis=1)

@@ -1,4 +1,4 @@
-"""Meshes of curves: whose triangles (a, b, b) are segments of round curves (renderer/bvh/curves.py), as wide as their diameters.
+"""Meshes of curves, whose triangles (a, b, b) are segments of round curves (renderer/bvh/curves.py), as wide as their diameters.
 
 Kernels intersect such segments if the material is hair. With another material, and in previews, they become tubes of triangles.
 """
@@ -6,6 +6,7 @@ Kernels intersect such segments if the material is hair. With another material, 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,12 +27,16 @@ def has_curves(mesh: Mesh) -> bool:
 
 
 def round_tubes(mesh: Mesh, sides: int = _SIDES) -> Mesh:
-    """Returns a mesh of curves as open tubes, one for each segment, with the curves' attributes and motion keys."""
+    """Returns a mesh of curves as open tubes, one for each segment, with the curves' attributes and motion keys.
+
+    A tube is as wide on average as the round curve.
+    """
     assert mesh.diameters is not None
     ends = mesh.triangles[:, :2].astype(np.int64)
     vertex = np.repeat(ends.reshape(-1), sides)
     angle = np.arange(sides) * (2 * np.pi / sides)
-    radius = np.asarray(mesh.diameters, np.float64)[vertex, None] / 2
+    widened = np.pi / sides / np.sin(np.pi / sides)
+    radius = np.asarray(mesh.diameters, np.float64)[vertex, None] / 2 * widened
 
     def rings(positions: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], F32]:
         """Returns the (n, 3) positions and normals of the tubes around curves with these positions."""
@@ -53,7 +58,7 @@ def round_tubes(mesh: Mesh, sides: int = _SIDES) -> Mesh:
         positions=positions,
         triangles=triangles.reshape(-1, 3).astype(np.int32),
         normals=normals,
-        diameters=None,
+        diameters=(2 * radius[:, 0]).astype(np.float32),
         keys=tuple(rings(shape) for shape, _ in mesh.keys),
         uvs=uvs,
         uvs1=uvs1,
@@ -74,15 +79,16 @@ def with_tubes(description: SceneDescription, shot_cache: ShotCache) -> SceneDes
             continue
         if instance.mesh not in places:
             places[instance.mesh] = len(meshes)
-            meshes.append(
-                shot_cache.get_or_make(
-                    ("tubes", instance.mesh),
-                    lambda mesh=mesh: (mesh.positions, mesh.triangles, mesh.diameters, mesh.keys, mesh.material),  # type: ignore[misc]
-                    lambda mesh=mesh: round_tubes(mesh),  # type: ignore[misc]
-                )
-            )
+            made = shot_cache.get_or_make(("tubes", instance.mesh), partial(_inputs, mesh), partial(round_tubes, mesh))
+            meshes.append(made)
         instances[number] = replace(instance, mesh=places[instance.mesh])
     return replace(description, meshes=meshes, instances=instances) if places else description
+
+
+def _inputs(mesh: Mesh) -> tuple[object, ...]:
+    """Returns what the tubes of a mesh depend on."""
+    attributes = mesh.uvs, mesh.uvs1, mesh.colors, mesh.tangents
+    return mesh.positions, mesh.triangles, mesh.diameters, attributes, mesh.keys, mesh.material
 
 
 def _is_fibre(material: Material) -> bool:

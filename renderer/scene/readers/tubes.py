@@ -37,6 +37,7 @@ __all__ = [
 
 F64 = npt.NDArray[np.float64]
 STEPS = 6  # lines per cubic segment
+_LEAST_NORMAL = 1e-12  # length of a normal below which it is no direction, as of damaged files
 
 BASES = {
     "bezier": np.array([[1, 0, 0, 0], [-3, 3, 0, 0], [3, -6, 3, 0], [-1, 3, -3, 1]], np.float64),
@@ -284,7 +285,7 @@ def elliptic(mesh: Mesh, sides: int, aspect: float) -> Mesh:
     across, along = (out * major).sum(axis=2, keepdims=True), (out * minor).sum(axis=2, keepdims=True)
     radii = np.linalg.norm(rings - middle, axis=2, keepdims=True) * widened
     positions = middle + radii * (across * major + aspect * along * minor)
-    length = np.sqrt((aspect * across) ** 2 + along**2)
+    length = np.maximum(np.sqrt((aspect * across) ** 2 + along**2), _LEAST_NORMAL)
     across, along = aspect * across / length, along / length
     return replace(
         mesh,

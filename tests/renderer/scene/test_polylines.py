@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from renderer.errors import SceneError
+from renderer.scene.curve_meshes import with_tubes
+from renderer.scene.description import Instance, Material, SceneDescription
+from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.readers.curve_files import mesh_of_curves
 from renderer.scene.readers.polylines import by_stride
 from renderer.scene.readers.strands import Strand, strands_mesh
-from renderer.scene.readers.tubes import BASES, MAX_STEPS, curve_segments, curve_weights, varying_values
+from renderer.scene.readers.tubes import BASES, MAX_STEPS, curve_segments, curve_weights, elliptic, varying_values
 from tests.helpers import code_of
 
 
@@ -67,6 +72,30 @@ def test_elliptic_fibres_have_the_ellipses_axes_and_normals() -> None:
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     np.testing.assert_allclose(flat.uvs1.reshape(-1, 12, 2), normals, atol=2e-3)
     np.testing.assert_allclose(flat.normals.reshape(-1, 12, 3), normals[..., :1] * major + normals[..., 1:] * minor, atol=2e-3)
+    bent = elliptic(replace(flat, normals=np.zeros_like(flat.normals)), 12, 0.5)
+    assert bent.normals is not None and bent.uvs1 is not None
+    assert np.isfinite(bent.normals).all() and np.isfinite(bent.uvs1).all(), "normals without a direction"
+
+
+def test_curves_that_are_no_fibres_become_tubes() -> None:
+    """Their tubes are as wide on average, are fibres where the material is hair that shines, and follow their colours."""
+    line = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0)], float)
+    mesh = strands_mesh([Strand(line, np.full(3, 0.1), steps=1)], fibres=True)
+    mesh.colors = np.ones((3, 4), np.float32)
+    looks = [Material(kind="hair"), Material(kind="hair", emission=(1, 1, 1)), Material()]
+    made = SceneDescription(meshes=[mesh], instances=[Instance(0, material=k) for k in range(3)], materials=looks)
+    cache = ShotCache()
+    found = with_tubes(made, cache)
+    assert [each.mesh for each in found.instances] == [0, 1, 1]
+    tube = found.meshes[1]
+    edge = tube.positions.reshape(2, 2, 6, 3)[0]
+    around = np.linalg.norm(np.roll(edge, 1, axis=1) - edge, axis=2).sum(axis=1)
+    np.testing.assert_allclose(around, 0.2 * np.pi, rtol=1e-5)
+    assert tube.diameters is not None, "transmitted rays start beyond the far side"
+    np.testing.assert_allclose(tube.diameters / 2, np.linalg.norm(edge[0, 0] - line[0]), rtol=1e-5)
+    made.meshes[0] = replace(mesh, colors=np.zeros((3, 4), np.float32))
+    colors = with_tubes(made, cache).meshes[1].colors
+    assert colors is not None and not colors.any(), "of another frame"
 
 
 @pytest.mark.parametrize("basis", ["linear", *BASES])

@@ -342,3 +342,16 @@ def test_stored_pictures_are_known_after_a_restart(tmp_path: Path) -> None:
     assert kept.load() == {}, "no hash"
     (tmp_path / "denoised.json").write_text("[[1]]")
     assert kept.load() == {}, "damaged"
+    (tmp_path / "denoised.json").write_text(f'[["job", Infinity, "{"a" * 64}", "", 1, 0]]')
+    assert kept.load() == {}, "no frame"
+
+
+def test_stored_pictures_of_deleted_jobs_are_forgotten(tmp_path: Path) -> None:
+    kept = KeptArtifacts(tmp_path / "denoised.json")
+    kept.save({("job", 0): ArtifactResult("a" * 64), ("deleted", 0): ArtifactResult("b" * 64)})
+    task = Denoising(None, None, None, None)  # type: ignore[arg-type]
+    task.keep_in(kept)
+    assert task.blobs_of({"job"}) == {"a" * 64}
+    task._save_made()
+    assert set(kept.load()) == {("job", 0)}
+    task.close()
