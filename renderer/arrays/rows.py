@@ -12,7 +12,9 @@ PART_MATERIAL, PART_OBJECT, PART_SHINES = range(3)
 PART_COLUMNS = 3
 
 # Numbers of material kinds, as in `material_kind`. From CONDUCTOR on, a kernel looks up the whole row (`look_up_layers`).
-DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED, INTERFACE, MEDIUM, PLASTIC, HAIR = range(12)
+DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED, INTERFACE, MEDIUM, PLASTIC, HAIR, HUANG = (
+    range(13)
+)
 
 
 class Kind(NamedTuple):
@@ -26,7 +28,7 @@ class Kind(NamedTuple):
     number: int
     name: str  # in scene files, unless the kind is created by packing only
     stage: Literal["diffuse", "metallic_roughness", "conductor", "specular", "rare", "medium", "none"]
-    part: Literal["", "layers", "media", "hair"] = ""
+    part: Literal["", "layers", "media", "hair", "huang"] = ""
     in_files: bool = True
     faceted: bool = False  # whether its microfacets may have Beckmann's distribution
     model: str | None = None  # its name in the explanation of a path
@@ -46,6 +48,7 @@ KINDS = (
     Kind(INTERFACE, "interface", "none"),
     Kind(LAYERED, "layered", "rare", "layers", in_files=False, faceted=True, model="layered"),
     Kind(MEDIUM, "medium", "medium", "media", in_files=False),  # for vertices within a medium
+    Kind(HUANG, "huang", "rare", "huang", in_files=False, faceted=True, model="hair of facets"),  # hair with model: huang
 )
 RARE_KINDS = sum(1 << kind.number for kind in KINDS if kind.stage == "rare")  # kinds shaded one path at a time
 
@@ -89,6 +92,10 @@ HAIR_SCALE = 59  # of the azimuthal logistic distribution
 HAIR_TILT = 60  # sine and cosine of the scales' angle
 HAIR_COLOR_SCALE = 62  # the root of absorption is the logarithm of the colour times this
 COLUMNS = 63
+# Hair of Huang et al.'s model takes the columns of conductors.
+HUANG_ASPECT = ETA
+HUANG_SHARES = ETA + 1  # factors of R, TT and TRT
+HUANG_NORMAL = K + 1  # sine and cosine of the normal's angle to the minor axis, which a kernel fills in
 
 # Columns that renderer/kernel/material/layers.py appends to a row when it looks up a material's textures.
 COAT_NORMAL = COLUMNS  # in the shading frame

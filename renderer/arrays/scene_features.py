@@ -24,12 +24,13 @@ class SceneFeatures(NamedTuple):
     pivots: Any  # small lamps in scattering media (renderer/kernel/medium/equiangular.py)
     grids: Any  # heterogeneous media (renderer/kernel/medium/volume.py)
     links: Any  # lights that illuminate some objects only (renderer/kernel/light/links.py)
-    hair: Any  # the hair BSDF, and tubes that are its fibres
+    hair: Any  # the hair BSDF, and curves and tubes that are its fibres
     groups: Any  # planes by light group, which settings request (RenderSettings.light_groups); in no variant by itself
     light_paths: Any = None  # planes by light path, likewise (RenderSettings.light_paths)
     by_light: Any = None  # either
     visibility: Any = None  # of objects and lights by kind of ray, and shadow links (renderer/kernel/steps/ray_kind.py)
     reflections: Any = None  # on reflection catchers (renderer/kernel/steps/catch_reflections.py)
+    huang: Any = None  # the second hair BSDF (renderer/kernel/bsdf/huang.py)
 
 
 # From the fastest to compile and run to the most complete. All combinations would be 4,096 variants, each compiled at its first
@@ -51,6 +52,10 @@ KERNEL_VARIANTS = {
     "catchers": SceneFeatures(True, True, True, True, None, None, None, None, None, None, None, None, reflections=True),
     "moving-catchers": SceneFeatures(
         True, True, True, True, True, True, True, True, True, True, True, None, visibility=True, reflections=True
+    ),
+    "huang": SceneFeatures(True, True, True, True, None, None, None, None, None, None, True, None, huang=True),
+    "moving-huang": SceneFeatures(
+        True, True, True, True, True, True, True, True, True, True, True, None, visibility=True, reflections=True, huang=True
     ),
 }
 EVERYTHING = KERNEL_VARIANTS["full"]  # of static scenes

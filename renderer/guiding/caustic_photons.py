@@ -63,9 +63,7 @@ def warm_up_photons(scene: CompiledScene) -> None:
 def _with_brightness(scene: CompiledScene, count: int) -> CausticTables:
     tables: CausticTables = scene.caustics
     photons = np.zeros((count, PHOTON_COLUMNS), np.float32)
-    low, high = scene.bounds.astype(np.float64)
-    reach = np.float32(2 * np.sqrt(((high - low) ** 2).cumsum()[-1]))
-    photons = photons[: follow_caustic_photons(scene, new_stack(), count, reach, photons)]
+    photons = photons[: follow_caustic_photons(scene, new_stack(), count, photons)]
     if count and not len(photons):  # which gives no reason to leave out walks
         return tables
     radius = tables.bound[:, 3].astype(np.float64)

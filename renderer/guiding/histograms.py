@@ -120,9 +120,10 @@ def cubes_of(points: npt.NDArray[np.float32], frame: npt.NDArray[np.float32]) ->
 
 def _sides(normals: npt.NDArray[np.float32]) -> I64:
     """Returns the sides of cubes for normals, (n,)."""
-    axis = np.argmax(np.abs(normals), axis=1)
-    component = np.take_along_axis(normals, axis[:, None], axis=1)[:, 0]
-    sides: I64 = 2 * axis + (component < 0)
+    x, y, z = normals.T
+    by_x, by_y = (abs(x) >= abs(y)) & (abs(x) >= abs(z)), abs(y) >= abs(z)
+    component = np.where(by_x, x, np.where(by_y, y, z))
+    sides: I64 = np.where(by_x, 0, np.where(by_y, 2, 4)) + (component < 0)
     return sides
 
 

@@ -1,7 +1,8 @@
 """Trains the guide of an image from pilot paths: a function of the compiled scene and the settings, the same on every host.
 
-Each round follows more paths than the one before, with the guide made from all records so far. If portals save enough by the
-first round, the guide is one of portals, of two rounds; else one of histograms, of three rounds and photons.
+A few paths tell first whether light samples find light at most vertices: then portals are of no use, and `auto` renders without a
+guide. Else portals are learned in two rounds of paths, the second guided by the portals of the first. If they save enough of the
+second moments of further paths, they are the guide; otherwise it is one of histograms, of three rounds and photons.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from renderer.arrays.scene import CompiledScene, flat
 from renderer.bvh.traverse import new_stack
 from renderer.guiding.emitters import Emitters, emitters_of
 from renderer.guiding.histograms import Records, guide_of
-from renderer.guiding.portals import learn_portals, moment_left, segments_of
+from renderer.guiding.portals import learn_portals, lit_part, moment_left, segments_of
 from renderer.guiding.shares import learn_shares
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.guiding.photons import Photons, follow_photons
@@ -32,13 +33,15 @@ from renderer.settings import RenderSettings
 
 __all__ = ["train_guide", "warm_up_pilot", "with_guide"]
 
-ROUNDS = (1 << 16, 1 << 16, 1 << 17)  # camera paths; the first round also tells whether portals are of use
+ROUNDS = (1 << 16, 1 << 16, 1 << 17)  # camera paths of a guide of histograms
+PORTAL_ROUNDS = (1 << 15, 1 << 16, 1 << 13)  # of one of portals; the last tells whether they are of use
+LOOK = 1 << 12  # of the first round, which tell whether the scene is lit
+MOST_LIT = 0.25  # fraction of segments at whose end a light sample finds light; 0.02 behind a door that is ajar
 PHOTONS = 1 << 18
 # Fraction of the second moments. If more is left, `auto` renders without a guide, and `on` learns the share of each cell. If less
 # is left, a share of a half everywhere is better: there are too few pilot paths to estimate the shares of single cells.
 MOST_LEFT = 0.4
 MOST_LEFT_BY_PORTALS = 0.85  # likewise, of the second moments relative to their cube's light, for a guide of portals
-PORTAL_PATHS = 1 << 17  # camera paths of the second round of a guide of portals
 _FOCUSING = (MIRROR, GLASS, CONDUCTOR)  # materials without which `auto` does not try histograms, which pay for caustics alone
 _RECORDS = 12  # at most, a path, on average
 _OTHER_SEED = 0x9E3779B9  # pilot paths must be independent of the film's
@@ -48,7 +51,7 @@ _lock = threading.Lock()
 
 
 def train_guide(scene: CompiledScene, settings: RenderSettings) -> Guide:
-    """Returns the guide of an image: of ROUNDS camera paths and PHOTONS photons.
+    """Returns the guide of an image.
 
     scene: stripped of absent features, without groups; not of the plain variant.
     """
@@ -62,16 +65,18 @@ def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ..
     emitters = emitters_of(scene)
     photons = photons if len(emitters.table) else 0
     pilot = _PilotPaths(scene, settings, photons)  # samples are numbered through, so that all paths are independent
-    half = rounds[0] // 2
-    known, rest = pilot.follow(half, empty_guide()), pilot.follow(rounds[0] - half, empty_guide())
-    first = np.concatenate((known, rest))
-    if len(known) and len(rest):
-        learned = learn_portals(segments_of(known))
-        if learned is not None and moment_left(learned, segments_of(rest)) < MOST_LEFT_BY_PORTALS:
-            last = pilot.follow(PORTAL_PATHS, learned)
-            return learn_portals(segments_of(np.concatenate((first, last)))) or learned
+    first = pilot.follow(min(LOOK, rounds[0]), empty_guide())
+    is_lit = lit_part(first) > MOST_LIT
+    if is_lit and settings.guiding == "auto":
+        return empty_guide()
+    if not is_lit and rounds[0]:
+        first = np.concatenate((first, pilot.follow(max(PORTAL_ROUNDS[0] - LOOK, 0), empty_guide())))
+        guide = _portals(pilot, first)
+        if guide is not None:
+            return guide
     if settings.guiding == "auto" and not np.isin(scene.material_kind, _FOCUSING).any():
         return empty_guide()
+    first = np.concatenate((first, pilot.follow(max(rounds[0] - (LOOK if is_lit else PORTAL_ROUNDS[0]), 0), empty_guide())))
     of_photons = pilot.follow_photons(emitters, photons)
     return _histograms(pilot, first, of_photons, emitters.power / max(photons, 1), rounds[1:], settings.guiding == "auto")
 
@@ -97,6 +102,18 @@ class _PilotPaths:
         scene, records = self._scene._replace(path_guide=empty_guide()), np.zeros((count * _RECORDS, RECORD_COLUMNS), np.float32)
         photons = Photons(0, count, emitters.table, emitters.cdf)
         return records[: follow_photons(Packed(scene), self._stack, self._options, photons, self._log, records)]
+
+
+def _portals(pilot: _PilotPaths, first: Records) -> Guide | None:
+    """Returns a guide of portals; None if it saves too little. first: the records of unguided paths."""
+    learned = learn_portals(segments_of(first)) if len(first) else None
+    if learned is None:
+        return None
+    guide = learn_portals(segments_of(np.concatenate((first, pilot.follow(PORTAL_ROUNDS[1], learned)))))
+    others = pilot.follow(PORTAL_ROUNDS[2], learned)
+    if guide is None or not len(others) or not moment_left(guide, segments_of(others)) < MOST_LEFT_BY_PORTALS:
+        return None
+    return guide
 
 
 def _histograms(

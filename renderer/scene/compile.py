@@ -16,6 +16,7 @@ from renderer.bvh.ray_masks import exclude_primitives
 from renderer.bvh.subtrees import AssembledBvh
 from renderer.kernel.light.punctual import SUN, SUN_UNSEEN
 from renderer.scene import motion_keys
+from renderer.scene.curve_meshes import with_tubes
 from renderer.scene.default_camera import frame
 from renderer.scene.description import I32, Camera, SceneDescription
 from renderer.scene.displacement.apply import displace
@@ -43,6 +44,7 @@ from renderer.scene.placed_bodies import PlacedGeometry, place_geometry
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.scene_bvh import build_scene_bvh
 from renderer.scene.studio import WEAK_LIGHTS_WARNING, light_studio
+from renderer.scene.tangents import has_elliptic_fibres
 from renderer.scene.targets import list_targets
 from renderer.scene.visibility import Visibility, tabulate_visibility
 from renderer.scene.volumes import tabulate_volumes
@@ -82,7 +84,7 @@ def compile_scene(
 
 def _compile(description: SceneDescription, say: Progress, brute: bool, team: Team, shot_cache: ShotCache) -> CompiledScene:
     say(Sentence("progress-placing-meshes", "placing meshes"), 0.0)
-    description = displace(description, shot_cache)
+    description = displace(with_tubes(description, shot_cache), shot_cache)
     origin = origin_of(description, shot_cache)
     whole, description = description, relative_to_origin(description, origin, shot_cache)
     stood = place_geometry(description, team, shot_cache)
@@ -139,7 +141,7 @@ def _compile(description: SceneDescription, say: Progress, brute: bool, team: Te
         position=geometry.position,
         normal=geometry.normal,
         uv=geometry.uv,
-        uv1=geometry.uv1 if any(t.uv_set == 1 for t in description.textures) else geometry.uv1[:0],
+        uv1=geometry.uv1 if _has_second_uvs(description) else geometry.uv1[:0],
         color=geometry.color,
         tangent=geometry.tangent,
         triangle=joined.triangle,
@@ -214,6 +216,11 @@ def _compile(description: SceneDescription, say: Progress, brute: bool, team: Te
 def _environment(description: SceneDescription) -> tuple[EnvironmentTables, dict[str, Any]]:
     tables = tabulate_environment(description)
     return tables, search_tables(tables.marginal, tables.conditional)
+
+
+def _has_second_uvs(description: SceneDescription) -> bool:
+    """Returns True if a kernel needs the second UV set: for textures, or as the normals of elliptic fibres."""
+    return any(t.uv_set == 1 for t in description.textures) or has_elliptic_fibres(description)
 
 
 def _environment_image(description: SceneDescription) -> np.ndarray | None:

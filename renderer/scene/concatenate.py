@@ -40,8 +40,8 @@ class Joined(NamedTuple):
 def join(sections: Sequence[Section], has_uvs: bool, shot_cache: ShotCache) -> Joined:
     """Concatenates the geometry of the sections.
 
-    has_uvs: whether any material has a texture; otherwise UVs are omitted. shot_cache: keeps the concatenated arrays from frame
-    to frame; if all sections but the last are unchanged, only the last one's rows are written again.
+    has_uvs: whether any material has a texture, or needs UVs otherwise; else UVs are omitted. shot_cache: keeps the concatenated
+    arrays from frame to frame; if all sections but the last are unchanged, only the last one's rows are written again.
     """
     parts = [section.geometry for section in sections]
     vertex, triangle = (_starts([len(getattr(p, name)) for p in parts]) for name in ("position", "triangle"))

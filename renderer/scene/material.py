@@ -42,6 +42,7 @@ __all__ = [
     "PARAMETERS",
     "AlphaMode",
     "Distribution",
+    "HairModel",
     "Material",
     "check",
     "conductor_reflectance",
@@ -50,8 +51,9 @@ __all__ = [
 
 AlphaMode = Literal["opaque", "mask", "blend"]
 Distribution = Literal["ggx", "beckmann"]
+HairModel = Literal["chiang", "huang"]
 
-_ROUGH = ("glass", "conductor", *PRINCIPLED, "plastic")
+_ROUGH = ("glass", "conductor", *PRINCIPLED, "plastic", "hair")
 _COATED = (*PRINCIPLED, "plastic")
 _BRUSHED = ("conductor", *PRINCIPLED)
 _REFRACTS = ("glass", *PRINCIPLED)
@@ -94,8 +96,9 @@ class Material:
     sigma_s, g. conductor: eta, k, roughness, anisotropy. blinn_phong: base_color (kd), specular_color (ks), shininess. unlit:
     base_color is shown unshaded. metallic_roughness: all from metallic to subsurface_anisotropy, as defined by glTF 2.0 and its
     KHR_materials extensions where these define them. plastic (paint under a rough coat): base_color, ior, roughness, specular,
-    specular_color, nonlinear. hair: base_color or sigma_a or eumelanin and pheomelanin, ior, beta_m, beta_n, tilt. interface: no
-    surface, only the boundary of a medium: attenuation, sigma_a, sigma_s, g.
+    specular_color, nonlinear. hair: base_color or sigma_a or eumelanin and pheomelanin, ior, tilt, and by its model beta_m and
+    beta_n, or roughness, aspect_ratio, r, tt and trt. interface: no surface, only the boundary of a medium: attenuation, sigma_a,
+    sigma_s, g.
     distribution: for kinds with a roughness.
 
     emission: radiance, multiplied by emission_texture. Emitted from the front face (counter-clockwise side, or a sphere's
@@ -158,7 +161,7 @@ class Material:
     """A sphere's light is that of a disk through its middle which faces whoever looks: Cycles' soft falloff."""
     metallic: float = number(0.0, rows.METALLIC, gltf=_PBR + "metallicFactor", mtl="Pm")
     roughness: float | None = number(None, kinds=_ROUGH, gltf=_PBR + "roughnessFactor")
-    """0 for glass and conductors unless given, and 1 for the rest."""
+    """Unless given 0 for glass and conductors, 0.55 for hair with the model huang, and 1 for the rest."""
     metallic_roughness_texture: int | None = texture(
         rows.METALLIC_ROUGHNESS_TEXTURE, _ROUGH, gltf=_PBR + "metallicRoughnessTexture"
     )
@@ -248,12 +251,22 @@ class Material:
     eta: Vec3 = color(0.0, rows.ETA, 100.0, _METAL, form="triple")
     """A conductor's index of refraction is eta + i k, at the primaries."""
     k: Vec3 = color(1.0, rows.K, 1e6, _METAL, form="triple")
+    model: HairModel = choice_parameter("chiang", get_args(HairModel), _HAIR)
+    """By its fields unless given: Chiang's takes beta_m and beta_n; Huang's takes roughness, aspect_ratio, r, tt and trt."""
     beta_m: float = number(0.3, None, 0.02, 1.0, _HAIR)
     """The roughness of hair along the fibre, Chiang's beta_M."""
     beta_n: float = number(0.3, None, 0.02, 1.0, _HAIR)
     """Its roughness around the fibre, beta_N."""
     tilt: float = number(math.radians(2.0), None, -math.pi / 4, math.pi / 4, _HAIR, "degrees")  # radians here
     """By how many degrees the scales of hair are tilted towards its tip."""
+    aspect_ratio: float = number(1.0, None, 0.05, 1.0, _HAIR)
+    """The width of a hair's cross-section, an ellipse, across its radius over that along it."""
+    r: float = number(1.0, kinds=_HAIR)
+    """A factor of the light that hair reflects at its surface, 1 for real hair."""
+    tt: float = number(1.0, kinds=_HAIR)
+    """Of the light that crosses it."""
+    trt: float = number(1.0, kinds=_HAIR)
+    """Of the light that is reflected inside."""
     eumelanin: float = number(0.0, None, high=100.0, kinds=_HAIR)
     """The concentration of brown pigment, in place of a color: 1.3 is brown, 8 black."""
     pheomelanin: float = number(0.0, None, high=100.0, kinds=_HAIR)
@@ -334,6 +347,8 @@ def _hair_columns(m: Material) -> list[tuple[int, tuple[float, ...]]]:
     columns.append((rows.ABSORPTION, sigma))
     if any(sigma):
         columns.append((rows.BASE, (1.0, 1.0, 1.0)))
+    if m.model == "huang":
+        columns += [(rows.HUANG_ASPECT, (m.aspect_ratio,)), (rows.HUANG_SHARES, (m.r, m.tt, m.trt))]
     return columns
 
 

@@ -25,6 +25,7 @@ _FACETED = tuple(kind.number for kind in rows.KINDS if kind.faceted)
 _TEXTURED = tuple(parameter for parameter in PARAMETERS if parameter.slot is not None)
 _SINGLE = tuple(parameter for parameter in PARAMETERS if parameter.form == "texture" and not parameter.layered)
 _SMOOTH = ("glass", "conductor")  # kinds that are smooth if no roughness is given
+_HAIR_ROUGHNESS = 0.55
 _MOSTLY = 0.5  # transmission from which on a smooth material is clear
 _LEAST_BRUSHED = 0.031  # more than `SMOOTH_GLASS`; its square is less than `MIN_ALPHA`
 
@@ -105,7 +106,7 @@ def _check_layers(m: Material, description: SceneDescription) -> None:
 
 def _roughness(m: Material) -> float:
     if m.roughness is None:
-        return 0.0 if m.kind in _SMOOTH else 1.0
+        return _HAIR_ROUGHNESS if m.model == "huang" else 0.0 if m.kind in _SMOOTH else 1.0
     return m.roughness
 
 
@@ -129,6 +130,8 @@ def _kind(m: Material) -> int:
             return rows.GLASS if m.transmission_texture is None else rows.LAYERED
         other = any(layers) or m.transmission or textured or m.distribution == "beckmann"
         return rows.LAYERED if other else rows.METALLIC_ROUGHNESS
+    if m.kind == "hair" and m.model == "huang":
+        return rows.HUANG
     return _KINDS[m.kind]
 
 

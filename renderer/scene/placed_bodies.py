@@ -25,7 +25,7 @@ from renderer.scene.instances import Group, Sharing, is_placed_per_frame, plan_m
 from renderer.scene.material_packing import Packed, pack
 from renderer.scene.object_ids import number_objects
 from renderer.scene.placed_mesh import MAX_COORDINATE
-from renderer.scene.tangents import needs_tangents, tangent_uv_set
+from renderer.scene.tangents import has_elliptic_fibres, needs_tangents, tangent_uv_set
 from renderer.sentences import Sentence
 from renderer.threads import Team
 
@@ -92,7 +92,7 @@ def place_geometry(description: SceneDescription, team: Team, shot_cache: ShotCa
     sections = still, bodies, loose
     return PlacedGeometry(
         sections,
-        join(sections, len(packed.texture) > 0, shot_cache),
+        join(sections, len(packed.texture) > 0 or has_elliptic_fibres(description), shot_cache),
         placement,
         spheres,
         sum(not s.moves for s in description.spheres),

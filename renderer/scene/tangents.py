@@ -10,7 +10,7 @@ import numpy.typing as npt
 from renderer.scene.description import F32, I32, Material, SceneDescription
 from renderer.scene.normals import corner_angles
 
-__all__ = ["needs_tangents", "split_mirrored", "tangent_uv_set", "vertex_tangents"]
+__all__ = ["has_elliptic_fibres", "needs_tangents", "split_mirrored", "tangent_uv_set", "vertex_tangents"]
 
 F64 = npt.NDArray[np.float64]
 
@@ -20,6 +20,11 @@ def needs_tangents(material: Material) -> bool:
     if material.kind == "hair":
         return True
     return material.normal_texture is not None or material.clearcoat_normal_texture is not None or material.anisotropy != 0.0
+
+
+def has_elliptic_fibres(description: SceneDescription) -> bool:
+    """Returns True if there is hair with an elliptic cross-section, the normals of which are in the second UV set."""
+    return any(material.aspect_ratio < 1 for material in description.materials)
 
 
 def tangent_uv_set(description: SceneDescription, material: Material) -> int:

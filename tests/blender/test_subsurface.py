@@ -208,6 +208,11 @@ def test_hair_keeps_its_roughness() -> None:
     assert found["extensions"][HAIR] == {"betaM": 0.25, "betaN": 0.4, "tilt": -0.05, "ior": 1.45}
     assert warnings == []
     assert HAIR not in material(beneath(0.0))[0].get("extensions", {})
+    said |= {"Aspect Ratio": 0.7, "Reflection": 1.0, "Transmission": 0.5, "Secondary Reflection": 0.0}
+    found, warnings = material(Node("BSDF_HAIR_PRINCIPLED", said, BSDF, parametrization="COLOR", model="HUANG"))
+    lobes = {"model": "huang", "alpha": 0.25, "aspectRatio": 0.7, "r": 1.0, "tt": 0.5, "trt": 0.0}
+    assert found["extensions"][HAIR] == {"betaM": 0.25, "betaN": 0.4, "tilt": -0.05, "ior": 1.45, **lobes}
+    assert warnings == []
 
 
 def test_connected_radius_causes_a_warning() -> None:

@@ -23,3 +23,8 @@ def test_strand_has_an_outward_ring_at_each_point() -> None:
     facing = np.cross(b - a, c - a)
     solid = np.linalg.norm(facing, axis=1) > 1e-9
     assert ((facing * normals[triangles[:, 0]]).sum(axis=1)[solid] > 0).all()
+    across = np.tile(np.array((0, 3, 0.1), np.float32), (5, 1))
+    across[1] = np.inf
+    turned = tubes(points, radii, np.array([0, 3, 5], np.int32), across).normals.reshape(5, SIDES, 3)
+    np.testing.assert_allclose(turned[0, 0], (0, 1, 0), atol=1e-6)
+    np.testing.assert_allclose(turned[1], normals.reshape(5, SIDES, 3)[1], atol=1e-6)

@@ -306,14 +306,14 @@ def cloud(scene: Any) -> None:
     ball.modifiers.new("points", "NODES").node_group = tree
 
 
-def hair_material(name: str, **values: Any) -> Any:
-    """Returns a material of Principled Hair by a colour, in the model of Chiang. values: inputs."""
+def hair_material(name: str, model: str = "CHIANG", **values: Any) -> Any:
+    """Returns a material of Principled Hair by a colour. values: inputs."""
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     tree = material.node_tree
     tree.nodes.clear()
     node, output = tree.nodes.new("ShaderNodeBsdfHairPrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
-    node.model, node.parametrization = "CHIANG", "COLOR"
+    node.model, node.parametrization = model, "COLOR"
     for key, value in values.items():
         node.inputs[key.replace("_", " ")].default_value = value
     tree.links.new(node.outputs[0], output.inputs[0])
@@ -322,8 +322,22 @@ def hair_material(name: str, **values: Any) -> Any:
 
 def fur(scene: Any) -> None:
     """Adds particle hair with children to the ball."""
+    _add_fur(scene, hair_material("fur", Color=(0.5, 0.3, 0.15, 1), Roughness=0.3, Radial_Roughness=0.4))
+
+
+def facet_fur(scene: Any) -> None:
+    """Adds such hair with the model of Huang, round."""
+    _add_fur(scene, hair_material("fur", "HUANG", Color=(0.5, 0.3, 0.15, 1), Roughness=0.3, Aspect_Ratio=1.0))
+
+
+def elliptic_fur(scene: Any) -> None:
+    """Adds such hair whose cross-sections are ellipses."""
+    _add_fur(scene, hair_material("fur", "HUANG", Color=(0.5, 0.3, 0.15, 1), Roughness=0.3, Aspect_Ratio=0.7))
+
+
+def _add_fur(scene: Any, material: Any) -> None:
     ball, _ = stage(scene, Roughness=0.9)
-    ball.data.materials.append(hair_material("fur", Color=(0.5, 0.3, 0.15, 1), Roughness=0.3, Radial_Roughness=0.4))
+    ball.data.materials.append(material)
     ball.modifiers.new("fur", "PARTICLE_SYSTEM")
     settings = ball.particle_systems[0].settings
     settings.type, settings.count, settings.hair_length, settings.material = "HAIR", 150, 0.5, 2
@@ -335,6 +349,21 @@ def fur(scene: Any) -> None:
 
 def strands(scene: Any) -> None:
     """Replaces the ball by hair curves."""
+    material = hair_material("hair", Color=(0.6, 0.4, 0.2, 1), Roughness=0.5, Radial_Roughness=0.6, Offset=0.05)
+    _add_strands(scene, material)
+
+
+def facet_strands(scene: Any) -> None:
+    """Adds round hair curves with the model of Huang."""
+    _add_strands(scene, hair_material("hair", "HUANG", Color=(0.6, 0.4, 0.2, 1), Roughness=0.3, Offset=0.05, Aspect_Ratio=1.0))
+
+
+def elliptic_strands(scene: Any) -> None:
+    """Adds hair curves whose cross-sections are ellipses."""
+    _add_strands(scene, hair_material("hair", "HUANG", Color=(0.6, 0.4, 0.2, 1), Roughness=0.3, Offset=0.05, Aspect_Ratio=0.7))
+
+
+def _add_strands(scene: Any, material: Any) -> None:
     ball, _ = stage(scene)
     bpy.data.objects.remove(ball)
     points = [(0.12 * (k % 18 - 9) + 0.2 * math.sin(i + k), 0.12 * (k // 18 - 9), 0.25 * i) for k in range(324) for i in range(8)]
@@ -342,7 +371,7 @@ def strands(scene: Any) -> None:
     data.add_curves([8] * 324)
     data.points.foreach_set("position", [each for point in points for each in point])
     data.attributes.new("radius", "FLOAT", "POINT").data.foreach_set("value", [0.02] * len(points))
-    data.materials.append(hair_material("hair", Color=(0.6, 0.4, 0.2, 1), Roughness=0.5, Radial_Roughness=0.6, Offset=0.05))
+    data.materials.append(material)
     scene.collection.objects.link(bpy.data.objects.new("strands", data))
     scene.cycles_curves.shape = "THICK"
 
@@ -353,7 +382,7 @@ SCENES: dict[str, Callable[[Any], None]] = {
         *(ior, tinted_glass, shining_mask, spaces, mask, mapped, multiplied, brushed_glossy),
         *(plain, of_each, lamps, profiles, slides, sky),
         *(smoke, ink, juice, fog, wax, skin, marble, dents, moved, cloud),
-        *(fur, strands),
+        *(fur, strands, facet_fur, elliptic_fur, facet_strands, elliptic_strands),
     )
 }
 

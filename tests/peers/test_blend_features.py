@@ -26,10 +26,10 @@ NAMES = (
     *("ior", "tinted_glass", "shining_mask", "spaces", "mask", "mapped", "multiplied", "brushed_glossy"),
     *("plain", "of_each", "lamps", "profiles", "slides", "sky"),
     *("smoke", "ink", "juice", "fog", "wax", "skin", "marble", "dents", "moved", "cloud"),
-    *("fur", "strands"),
+    *("fur", "strands", "facet_fur", "elliptic_fur", "facet_strands", "elliptic_strands"),
 )
 BLOCK, MOST, BRIGHTEST, SAMPLES = 8, 0.03, 4.0, 128
-MOST_OF = {"strands": 0.05}  # noise: strands against the light
+MOST_OF = {"strands": 0.05, "elliptic_strands": 0.05}  # noise: strands against the light
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,8 @@ LEAST = 1e-4
 def hair(surface: Any) -> dict[str, Any] | None:
     """Returns the glTF extension of a surface that is hair; None for other surfaces. Inputs with nodes get their defaults.
 
-    Cycles tilts by the opposite of Chiang's angle (bsdf_principled_hair_chiang.h, `bsdf_principled_hair_setup`).
+    Cycles tilts by the opposite of Chiang's angle (bsdf_principled_hair_chiang.h, `bsdf_principled_hair_setup`), and takes the
+    roughness of Huang's model for the alpha of GGX.
     """
     if surface.input("Hair") is None:
         return None
@@ -31,9 +32,14 @@ def hair(surface: Any) -> dict[str, Any] | None:
         "tilt": ("Offset", math.radians(2)),
         "ior": ("IOR", 1.55),
     }
+    is_huang = surface.input("Hair Aspect Ratio") is not None
+    if is_huang:
+        names |= {"aspectRatio": ("Aspect Ratio", 0.85), "r": ("Reflection", 1.0)}
+        names |= {"tt": ("Transmission", 1.0), "trt": ("Secondary Reflection", 1.0)}
     found = {key: (constant_value(surface.input(f"Hair {name}")), default) for key, (name, default) in names.items()}
     numbers = {key: value if isinstance(value, float) else default for key, (value, default) in found.items()}
-    return {**numbers, "tilt": -numbers["tilt"]}
+    said: dict[str, Any] = {**numbers, "tilt": -numbers["tilt"]}
+    return {**said, "model": "huang", "alpha": numbers["betaM"]} if is_huang else said
 
 
 def hair_color(source: Source) -> Any:

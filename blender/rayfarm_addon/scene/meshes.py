@@ -67,7 +67,15 @@ def hair(source: Any, key: str, like: Corners | None = None) -> tuple[Mesh, Corn
         return None
     points = _read_attribute(source.points, "position", 3 * count, np.float32).reshape(-1, 3)
     first = np.append(_read_attribute(source.curves, "first_point_index", len(source.curves), np.int32), np.int32(count))
-    return _tubes(key, points, _read_attribute(source.points, "radius", count, np.float32), first, like)
+    across = _read_attribute(source.normals, "vector", 3 * count, np.float32).reshape(-1, 3) if _is_elliptic(source) else None
+    return _tubes(key, points, _read_attribute(source.points, "radius", count, np.float32), first, like, across)
+
+
+def _is_elliptic(source: Any) -> bool:
+    """Returns True if the cross-section of hair curves may be an ellipse, whose major axis Cycles takes from the normals."""
+    material = source.materials[0] if len(source.materials) else None
+    tree = None if material is None else material.node_tree
+    return tree is not None and any(getattr(node, "model", "") == "HUANG" for node in tree.nodes)
 
 
 def particle_hair(
@@ -78,10 +86,12 @@ def particle_hair(
     return None if found is None else _tubes(key, *found, like)
 
 
-def _tubes(key: str, points: F32, radii: F32, first: I32, like: Corners | None) -> tuple[Mesh, Corners]:
+def _tubes(
+    key: str, points: F32, radii: F32, first: I32, like: Corners | None, across: F32 | None = None
+) -> tuple[Mesh, Corners]:
     is_alike = like is not None and len(like.vertex) == len(first) - 1
     lines = like.vertex if like is not None and is_alike else lines_per_segment(points, radii, first, MOST_POINTS)
-    made = tubes(*divided(points, radii, first, lines))
+    made = tubes(*divided(points, radii, first, lines), None if across is None else divided(across, radii, first, lines)[0])
     mesh = Mesh(key, made.positions, [(0, made.triangles.astype(np.uint32).ravel())], made.normals, fibres=made.fibres)
     nothing = np.zeros(0, np.int32)
     return mesh, Corners((len(made.positions), len(points), len(made.triangles)), lines, nothing, "POINT")

@@ -159,9 +159,10 @@ def _simple(source: Source, warn: Callable[[str], None]) -> PrincipledLook | Non
         inside |= _skin_input(getattr(source.node, "falloff", ""))
         return _matt({"Base Color": color, "Normal": at("Normal"), "Subsurface Weight": ConstantValue(1.0), **inside})
     if kind == "BSDF_HAIR_PRINCIPLED":
-        if getattr(source.node, "model", "CHIANG") != "CHIANG":
-            warn(Sentence("cycles-hair-model", "its hair has the model of Chiang, not that of Huang"))
-        said = {f"Hair {name}": at(name) for name in ("Roughness", "Radial Roughness", "Offset", "IOR")}
+        names = ("Roughness", "Radial Roughness", "Offset", "IOR")
+        if getattr(source.node, "model", "CHIANG") == "HUANG":
+            names += ("Aspect Ratio", "Reflection", "Transmission", "Secondary Reflection")
+        said = {f"Hair {name}": at(name) for name in names}
         return _matt({"Base Color": hair_color(source), "Hair": ConstantValue(1.0), **said})
     if kind in ("BSDF_DIFFUSE", "BSDF_TOON", "BSDF_HAIR"):
         if kind != "BSDF_DIFFUSE":

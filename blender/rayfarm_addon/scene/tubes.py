@@ -13,6 +13,8 @@ F32 = npt.NDArray[np.float32]
 SIDES = 6
 WIDENED = float(np.pi / SIDES / np.sin(np.pi / SIDES))  # a ring has the circumference of the round fibre
 MOST_POINTS = 1_000_000
+LEAST_ACROSS = 1e-3  # of a direction across the hair, when it is made perpendicular to it
+MOST_ACROSS = 1e3  # curves without length have normals that are not unit
 
 
 class Tubes(NamedTuple):
@@ -24,11 +26,11 @@ class Tubes(NamedTuple):
     fibres: F32  # (V, 4)
 
 
-def tubes(points: F32, radii: F32, first: npt.NDArray[np.int32]) -> Tubes:
+def tubes(points: F32, radii: F32, first: npt.NDArray[np.int32], across: F32 | None = None) -> Tubes:
     """Returns the tubes of strands of hair.
 
     points: (P, 3), radii: (P,), strand by strand. first: (S + 1,) start index of each strand, followed by P. Strands of one point
-    are omitted.
+    are omitted. across: (P, 3), directions in which the first vertex of each ring is to lie; None for any.
     """
     strand = np.repeat(np.arange(len(first) - 1), np.diff(first))
     is_last = np.zeros(len(points), bool)
@@ -42,6 +44,12 @@ def tubes(points: F32, radii: F32, first: npt.NDArray[np.int32]) -> Tubes:
     reach = np.abs(points[first[1:] - 1] - points[first[:-1]])
     away = np.eye(3, dtype=np.float32)[np.argmin(reach, axis=1)][strand]
     side = _unit(np.cross(along, away))
+    if across is not None:
+        across = np.where(np.abs(across) < MOST_ACROSS, across, 0.0)
+        towards = across - along * (across * along).sum(axis=1, keepdims=True)
+        length = np.linalg.norm(towards, axis=1, keepdims=True)
+        is_sound = length > LEAST_ACROSS
+        side = np.where(is_sound, towards / np.where(is_sound, length, 1), side)
     up = np.cross(side, along)
     turn = 2 * np.pi * np.arange(SIDES) / SIDES
     out = np.cos(turn)[None, :, None] * side[:, None] + np.sin(turn)[None, :, None] * up[:, None]

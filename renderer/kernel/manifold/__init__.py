@@ -11,5 +11,6 @@ brightness.py      where these find caustics; choice of a caster, and the probab
 seeds.py           choice of the first direction of a walk
 walk.py            Newton's method for the direction that reaches the lamp
 chain.py           the split of light between manifold sampling and BSDF sampling
+meeting.py         light that a bright spot sends on: weights of walks against photons
 estimate.py        the estimator: a solution's light divided by the probability of finding it
 """

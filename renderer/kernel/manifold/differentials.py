@@ -16,7 +16,16 @@ from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.manifold.caster import normal_change
 
-__all__ = ["RayDerivatives", "arrive", "half_vector_step", "leave_point", "perpendicular_area", "redirect", "solid_angle_area"]
+__all__ = [
+    "RayDerivatives",
+    "arrive",
+    "half_vector_step",
+    "leave_plane",
+    "leave_point",
+    "perpendicular_area",
+    "redirect",
+    "solid_angle_area",
+]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -43,6 +52,13 @@ def leave_point(d):
     """Returns the RayDerivatives of a ray of unit direction d that starts at a fixed point."""
     e, f = vec.basis(d)
     return RayDerivatives(d, _BLACK, _BLACK, e, f)
+
+
+@device
+def leave_plane(d):
+    """Returns the RayDerivatives of a ray of unit direction d by the place, on a plane perpendicular to d, where it starts."""
+    e, f = vec.basis(d)
+    return RayDerivatives(d, e, f, _BLACK, _BLACK)
 
 
 @device

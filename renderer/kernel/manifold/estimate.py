@@ -22,14 +22,15 @@ from renderer.kernel.manifold.brightness import choose_caster, sampling_rates
 from renderer.kernel.manifold.caster import caster_of
 from renderer.kernel.manifold.differentials import perpendicular_area, solid_angle_area
 from renderer.kernel.manifold.lamps import AREA, DISTANT, lamp_light, sample_lamp
+from renderer.kernel.manifold.meeting import bounce_density, photon_chance, photon_density, share
 from renderer.kernel.manifold.seeds import seed_direction
-from renderer.kernel.manifold.walk import NO_CHAIN, REFLECTED, THROUGH, last_out, walk_to_lamp
+from renderer.kernel.manifold.walk import LAST_STEP2, NO_CHAIN, REFLECTED, THROUGH, last_out, walk_to_lamp
 from renderer.kernel.material.material import eval_material
 from renderer.kernel.steps.depths import count_bounce, reached_limit
 from renderer.kernel.steps.random_blocks import draw_caustic, draw_trial
 from renderer.kernel.surface.ray_origins import leave, offset_ray_origin
 
-__all__ = ["CausticLight", "estimate_caustic"]
+__all__ = ["SAME2", "CausticLight", "estimate_caustic", "importance_of", "solution_light"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -38,7 +39,8 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
 _YES, _NO = np.bool_(True), np.bool_(False)
 _INDIRECT = np.float32(0.12)  # importance of a vertex that the camera does not see, at throughput 1
-_SAME2 = np.float32(1e-6)  # squared distance up to which two unit directions are the same solution: walks end within some 3e-4
+_LEAST_DENSITY = np.float32(1e-12)
+SAME2 = np.float32(1e-6)  # squared distance up to which two unit directions are the same solution: walks end within some 3e-4
 
 
 class CausticLight(NamedTuple):
@@ -67,24 +69,26 @@ def _is_within_depth(kind, path, counts, scatters_up, scatter_pdf, options):
 
 
 @device
-def _solution_light(scene, stack, vertex, path, counts, lamp, walk, options):
-    """Returns (light of a solution, rgb, per unit of throughput; number of the path's segments with it; rays traced)."""
+def solution_light(scene, stack, vertex, path, counts, lamp, caster, walk, options):
+    """Returns (light of a solution, rgb, per unit of throughput; segments of the path with it; `photon_density`; rays traced)."""
     s, t, n = vertex.frame
     wi = vec.to_local(s, t, n, walk.d)
     f, scatter_pdf = eval_material(vertex.material, vertex.wo, wi)
     within, segments = _is_within_depth(walk.kind, path, counts, wi[2] > _ZERO, scatter_pdf, options)
     if not (within and walk.regular and vec.maximum(f) > _ZERO):
-        return _BLACK, segments, 0
+        return _BLACK, segments, _ZERO, 0
     exists, out, weight = last_out(scene, walk, walk.material)
     at = walk.at
     start = leave(at.point, at.error, at.geometric, out.d)
     if lamp.kind == DISTANT:
-        towards, density = lamp.target, solid_angle_area(out)
+        towards, spread = lamp.target, solid_angle_area(out)
+        density = spread
         end = vec.add(start, vec.scale(towards, FAR))
     else:
         way = vec.sub(lamp.target, at.point)
         distance = vec.length(way)
-        towards, density = vec.scale(way, _ONE / distance), perpendicular_area(out, distance)
+        towards, spread = vec.scale(way, _ONE / distance), perpendicular_area(out, distance)
+        density = spread
         end = lamp.target
         if lamp.kind == AREA:
             density /= max(abs(vec.dot(lamp.normal, towards)), np.float32(1e-6))
@@ -92,14 +96,14 @@ def _solution_light(scene, stack, vertex, path, counts, lamp, walk, options):
     light = lamp_light(scene, lamp, at.point, towards)
     brought = vec.scale(vec.mul(vec.mul(f, weight), light), _ONE / (density * lamp.pdf))
     if not (exists and density > _ZERO and vec.maximum(brought) > _ZERO):
-        return _BLACK, segments, 0
+        return _BLACK, segments, _ZERO, 0
     if any_hit(scene.bvh, stack, start, vec.sub(end, start), SHADOW_REACH, None, _ROOT):
-        return _BLACK, segments, 1
-    return brought, segments, 1
+        return _BLACK, segments, _ZERO, 1
+    return brought, segments, photon_density(scene, lamp, caster, walk, spread, vertex.surface), 1
 
 
 @device
-def _importance(path, roulette_weight):
+def importance_of(path, roulette_weight):
     """Returns the importance of a vertex: 1 if the camera sees it, also through glass, else less, by the path's throughput."""
     if path.number == _ZERO:
         return _ONE
@@ -107,19 +111,24 @@ def _importance(path, roulette_weight):
 
 
 @subroutine
-def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, options, stream):
+def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, last, is_rivaled, options, stream):
     """Samples the light of small lamps that reaches a vertex through one caster; returns a CausticLight.
 
-    roulette_weight: of the path's ray. counts: the path's depth counts. Traces rays with `stack`. The scene must have `caustics`.
+    roulette_weight: of the path's ray. last: the LastVertex. is_rivaled: whether photons also bring this light to the last vertex
+    (meeting.py), so that the light is weighted. counts: the path's depth counts. Traces rays with `stack`. The scene must have
+    `caustics`.
     """
     never_inline()
     u = draw_caustic(stream, path.number)
     surface, n = vertex.surface, vertex.frame[2]
-    importance = _importance(path, roulette_weight)
-    caster, chance = choose_caster(scene, surface.point, vertex.normal, importance, u[3])
+    importance = importance_of(path, roulette_weight)
+    paths = bounce_density(last, surface) if is_rivaled else _ONE
+    chance_of_photon = photon_chance(path.number - _ONE)  # at the last vertex
+    rivals = chance_of_photon / max(paths, _LEAST_DENSITY) if is_rivaled else _ZERO
+    caster, chance = choose_caster(scene, surface.point, vertex.normal, importance, rivals, u[3])
     if caster < 0:
         return CausticLight(_BLACK, _ZERO, 0)
-    transmitted, reflected = sampling_rates(scene, surface.point, caster, importance)
+    transmitted, reflected = sampling_rates(scene, surface.point, caster, importance, rivals)
     greater = max(transmitted, reflected)  # has been counted in the choice of the caster
     rates = transmitted / greater, reflected / greater
     lamp = sample_lamp(scene, u[2], (u[0], u[1]))
@@ -133,20 +142,23 @@ def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, option
     for trial in range(options.caustic_trials + 1):
         u = draw_trial(stream, path.number, trial)
         towards = seed_direction(scene, caster, surface.point, line, is_aimed, (u[0], u[1], u[2]))
-        walk = walk_to_lamp(scene, stack, surface, n, towards, caster, lamp.target, is_distant, kind, rates, u[3])
+        walk = walk_to_lamp(scene, stack, surface, n, towards, caster, lamp.target, is_distant, kind, rates, LAST_STEP2, u[3])
         rays += walk.rays
         if trial == 0:
             if not walk.found:
                 break
             limit, kind = walk.limit, walk.kind
-            brought, segments, shadow_rays = _solution_light(scene, stack, vertex, path, counts, lamp, walk, options)
+            known = vertex, path, counts, lamp, caster, walk, options
+            brought, segments, photons, shadow_rays = solution_light(scene, stack, *known)
             rays += shadow_rays
+            if is_rivaled:
+                brought = vec.scale(brought, share(paths, photons * chance_of_photon))
             chance *= rates[1] if kind == REFLECTED else rates[0]
             if not vec.maximum(brought) > _ZERO:
                 break
         else:
             trials = trial
             off = vec.sub(walk.limit, limit)
-            if walk.found and vec.dot(off, off) < _SAME2:
+            if walk.found and vec.dot(off, off) < SAME2:
                 break
     return CausticLight(vec.scale(brought, np.float32(trials) / chance), segments, rays)

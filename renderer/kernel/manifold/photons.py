@@ -17,14 +17,28 @@ from renderer.kernel.bsdf.fresnel import fresnel_dielectric
 from renderer.kernel.fetch import row
 from renderer.kernel.manifold.brightness import LEVELS, REFINEMENT, bucket_of
 from renderer.kernel.manifold.caster import caster_of, caster_point, index_of, material_number
-from renderer.kernel.manifold.differentials import arrive, leave_point, redirect
+from renderer.kernel.manifold.differentials import arrive, leave_plane, leave_point, redirect
 from renderer.kernel.manifold.lamps import AREA, DISTANT, lamp_light, sample_lamp
+from renderer.kernel.manifold.walk import REFLECTED, THROUGH, TRANSMITTED
 from renderer.kernel.sampling.sampler import INDEPENDENT, Stream, draw4, pixel_key
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_disk, square_to_disk_pdf, square_to_sphere
 from renderer.kernel.surface.ray_origins import leave
 from renderer.reference import by_reference
 
-__all__ = ["ALL", "CASTER", "FLUX", "PHOTON_COLUMNS", "PLACE", "REFLECTS", "follow_caustic_photons", "photon_buckets"]
+__all__ = [
+    "ALL",
+    "CASTER",
+    "FLUX",
+    "PHOTON_COLUMNS",
+    "PLACE",
+    "REFLECTS",
+    "Photon",
+    "emission_pdf",
+    "follow_caustic_photons",
+    "follow_photon",
+    "kind_chance",
+    "photon_buckets",
+]
 
 # Columns of a photon: where it arrives; its caster; 1 if that reflects it, else 0; its flux; and its flux before it was divided
 # between reflection and transmission.
@@ -34,6 +48,8 @@ PHOTON_COLUMNS = 7
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
+_PI = np.float32(np.pi)
+_TWO = np.float32(2.0)
 _4PI = np.float32(4 * np.pi)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
@@ -43,27 +59,56 @@ _LAMP, _DIRECTION = np.uint32(0), np.uint32(1)
 _LEAST_REFLECTED = np.float32(0.2)  # least probability of reflection by glass
 
 
-class _Photon(NamedTuple):
+class Photon(NamedTuple):
+    """A photon where it arrives at a surface that is no caster, if `found`."""
+
     found: Any
+    hit: Any  # the Hit there
     place: Any
     caster: Any
-    reflected: Any
+    kind: Any  # REFLECTED, TRANSMITTED or THROUGH
     flux: Any
     all: Any  # flux before the division between reflection and transmission
-
-
-_NOTHING = _Photon(np.bool_(False), _BLACK, np.int32(-1), np.bool_(False), _ZERO, _ZERO)
+    lamp: Any  # the LampPoint where it started
+    ray: Any  # RayDerivatives of its last ray, by its direction at the lamp, or by its place if that is distant
+    pdf: Any  # of that direction or place, of the caster and of the kind, for this LampPoint
 
 
 @device
-def _emit(scene, lamp, caster, reach, u):
+def emission_pdf(scene, lamp, caster):
+    """Returns the pdf of a photon's direction from a LampPoint to a caster; of its place, by area, if the lamp is distant."""
+    x, y, z, radius = row(scene.caustics.bound, caster, 4)
+    if lamp.kind == DISTANT:
+        return _ONE / (_PI * radius * radius)
+    way = vec.sub((x, y, z), lamp.target)
+    square = vec.dot(way, way)
+    if square <= radius * radius:
+        return _ONE / _4PI
+    sine2 = radius * radius / square
+    return square_to_cone_pdf(sine2 / (_ONE + np.sqrt(_ONE - sine2)))
+
+
+@device
+def kind_chance(scene, caster, kind, cosine, eta):
+    """Returns the probability with which a photon takes a kind of chain, by its first interface: cosine, eta there."""
+    if scene.caustics.caster[caster, 3] == 0:
+        return _ONE
+    reflectance, _ = fresnel_dielectric(cosine, eta)
+    reflects = max(reflectance, _LEAST_REFLECTED)
+    return reflects if kind == REFLECTED else _ONE - reflects
+
+
+@device
+def _emit(scene, lamp, caster, u):
     """Returns (origin, unit direction, weight) of a photon from a LampPoint to a caster's bounding sphere.
 
-    reach: distance from which a distant lamp's photons start. The weight is the flux of one photon if all start so.
+    The photons of distant lamps start from beyond the scene. The weight is the flux of one photon if all start so.
     """
     x, y, z, radius = row(scene.caustics.bound, caster, 4)
     center = x, y, z
     if lamp.kind == DISTANT:
+        low, high = row(scene.bounds, 0, 3), row(scene.bounds, 1, 3)
+        reach = _TWO * vec.length(vec.sub(high, low))
         s, t = vec.basis(lamp.target)
         p = square_to_disk(u)
         offset = vec.add(vec.scale(s, radius * p[0]), vec.scale(t, radius * p[1]))
@@ -87,71 +132,72 @@ def _emit(scene, lamp, caster, reach, u):
 
 
 @subroutine
-def _follow(scene, stack, stream, reach):
-    """Follows a photon; returns a _Photon."""
+def follow_photon(scene, stack, u, v):
+    """Follows a photon; returns a Photon. u, v: four random numbers in [0, 1) each; the last one of v is not used."""
     never_inline()
-    u, v = draw4(stream, _LAMP), draw4(stream, _DIRECTION)
     lamp = sample_lamp(scene, u[2], (u[0], u[1]))
     casters = len(scene.caustics.caster)
     caster = min(np.int32(u[3] * np.float32(casters)), np.int32(casters - 1))
-    start, d, weight = _emit(scene, lamp, caster, reach, (v[0], v[1]))
+    start, d, weight = _emit(scene, lamp, caster, (v[0], v[1]))
     light = lamp_light(scene, lamp, vec.add(start, d), vec.neg(d))
     flux = vec.maximum(light) * weight * np.float32(casters)
     whole, reflected = flux, scene.caustics.caster[caster, 3] == 0
+    ray = leave_plane(d) if lamp.kind == DISTANT else leave_point(d)
     hit = closest_hit(scene.bvh, stack, start, d, _INF, None, _ROOT)
-    if not flux > _ZERO or caster_of(scene, hit) != caster:
-        return _NOTHING
-    material = material_number(scene, hit.primitive)
-    at = caster_point(scene, start, d, hit)
-    ray = leave_point(d)
-    p_u, p_v = arrive(ray, hit.t, at.geometric)
-    eta = index_of(scene, material, at.front)
-    if not reflected:
-        reflectance, _ = fresnel_dielectric(-vec.dot(d, at.normal), eta)
-        chance = max(reflectance, _LEAST_REFLECTED)
-        reflected = v[2] < chance
-        flux *= reflectance / chance if reflected else (_ONE - reflectance) / (_ONE - chance)
-    exists, out = redirect(ray, p_u, p_v, at, eta, reflected)
-    if not exists:
-        return _NOTHING
-    place = leave(at.point, at.error, at.geometric, out.d)
-    hit = closest_hit(scene.bvh, stack, place, out.d, _INF, None, _ROOT)
-    entered = not reflected and at.front and scene.caustics.caster[caster, 2] != 0
-    if entered and caster_of(scene, hit) == caster:
-        at = caster_point(scene, place, out.d, hit)
-        p_u, p_v = arrive(out, hit.t, at.geometric)
-        exists, out = redirect(out, p_u, p_v, at, index_of(scene, material, at.front), False)
-        if at.front or not exists:
-            return _NOTHING
-        place = leave(at.point, at.error, at.geometric, out.d)
-        hit = closest_hit(scene.bvh, stack, place, out.d, _INF, None, _ROOT)
-    if hit.primitive == NO_PRIMITIVE or caster_of(scene, hit) >= 0:
-        return _NOTHING
-    return _Photon(np.bool_(True), vec.add(place, vec.scale(out.d, hit.t)), caster, reflected, flux, whole)
+    place, kind, pdf = start, REFLECTED, _ZERO
+    found = flux > _ZERO and caster_of(scene, hit) == caster
+    if found:
+        material = material_number(scene, hit.primitive)
+        at = caster_point(scene, start, d, hit)
+        p_u, p_v = arrive(ray, hit.t, at.geometric)
+        eta = index_of(scene, material, at.front)
+        cosine = -vec.dot(d, at.normal)
+        if not reflected:
+            reflectance, _ = fresnel_dielectric(cosine, eta)
+            chance = max(reflectance, _LEAST_REFLECTED)
+            reflected = v[2] < chance
+            flux *= reflectance / chance if reflected else (_ONE - reflectance) / (_ONE - chance)
+        kind = REFLECTED if reflected else TRANSMITTED
+        pdf = emission_pdf(scene, lamp, caster) * kind_chance(scene, caster, kind, cosine, eta) / np.float32(casters)
+        found, ray = redirect(ray, p_u, p_v, at, eta, reflected)
+        place = leave(at.point, at.error, at.geometric, ray.d)
+        hit = closest_hit(scene.bvh, stack, place, ray.d, _INF, None, _ROOT)
+        entered = not reflected and at.front and scene.caustics.caster[caster, 2] != 0
+        if found and entered and caster_of(scene, hit) == caster:
+            at = caster_point(scene, place, ray.d, hit)
+            p_u, p_v = arrive(ray, hit.t, at.geometric)
+            found, ray = redirect(ray, p_u, p_v, at, index_of(scene, material, at.front), False)
+            found = found and not at.front
+            kind = THROUGH
+            place = leave(at.point, at.error, at.geometric, ray.d)
+            hit = closest_hit(scene.bvh, stack, place, ray.d, _INF, None, _ROOT)
+        found = found and hit.primitive != NO_PRIMITIVE and caster_of(scene, hit) < 0
+    return Photon(found, hit, vec.add(place, vec.scale(ray.d, hit.t)), caster, kind, flux, whole, lamp, ray, pdf)
 
 
 @subroutine
-def _record(scene, stack, count, reach, photons):
+def _record(scene, stack, count, photons):
     never_inline()
     found = 0
     for k in range(count):
-        photon = _follow(scene, stack, Stream(INDEPENDENT, _SEED, pixel_key(0, 0), np.uint32(k)), reach)
+        stream = Stream(INDEPENDENT, _SEED, pixel_key(0, 0), np.uint32(k))
+        photon = follow_photon(scene, stack, draw4(stream, _LAMP), draw4(stream, _DIRECTION))
         if photon.found:
             for axis in range(3):
                 photons[found, PLACE + axis] = photon.place[axis]
-            photons[found, CASTER], photons[found, REFLECTS] = photon.caster, photon.reflected
+            photons[found, CASTER], photons[found, REFLECTS] = photon.caster, photon.kind == REFLECTED
             photons[found, FLUX], photons[found, ALL] = photon.flux, photon.all
             found += 1
     return found
 
 
 @entry
-def follow_caustic_photons(scene, stack, count, reach, photons):
+def follow_caustic_photons(scene, stack, count, photons):
     """Follows `count` photons and records those that arrive, (count, PHOTON_COLUMNS) f32; returns their number.
 
-    scene: has `caustics`, without brightness. reach: a distance beyond the scene, from which those of distant lamps start.
+    scene: has `caustics`, without brightness.
     """
-    return _record(by_reference(scene), stack, count, reach, photons)
+    return _record(by_reference(scene), stack, count, photons)
 
 
 @entry

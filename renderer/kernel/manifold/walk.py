@@ -23,7 +23,7 @@ from renderer.kernel.manifold.differentials import (
 from renderer.kernel.steps.pass_through import absorbed
 from renderer.kernel.surface.ray_origins import leave, offset_ray_origin
 
-__all__ = ["NO_CHAIN", "REFLECTED", "THROUGH", "TRANSMITTED", "Walk", "last_out", "walk_to_lamp"]
+__all__ = ["LAST_STEP2", "NO_CHAIN", "REFLECTED", "THROUGH", "TRANSMITTED", "Walk", "last_out", "walk_to_lamp"]
 
 # Kinds of chains of interfaces: reflection, transmission, transmission into a closed caster and out of it.
 NO_CHAIN, REFLECTED, TRANSMITTED, THROUGH = (np.int32(n) for n in (-1, 0, 1, 2))
@@ -40,7 +40,7 @@ _MIRROR = np.int32(MIRROR)
 _MOST_STEPS = 12
 _LEAST_STEP = np.float32(1.0 / 64)
 _TOLERANCE2 = np.float32(1e-8)  # squared difference of the two sides of Snell's law
-_LAST_STEP2 = np.float32(2.5e-7)  # squared change of the direction by one more step, at a solution
+LAST_STEP2 = np.float32(2.5e-7)  # squared change of the direction by one more step, at a solution
 _RARE = np.float32(0.125)  # probability of THROUGH where the lamp is on the viewer's side of a mesh
 
 
@@ -105,12 +105,13 @@ def _kind_of(scene, caster, at, target, is_distant, wanted, rates, u):
 
 
 @subroutine
-def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted, rates, u):
+def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted, rates, last_step2, u):
     """Walks from direction d at a vertex towards a solution; returns a Walk.
 
     surface, n: of the vertex. target: the lamp's point, or if `is_distant` the direction to it. wanted, rates: as for
-    `_kind_of`. u: a random number in [0, 1) for the kind of chain. The interfaces before the last obey the law of refraction at
-    each step; the walk solves for the last one.
+    `_kind_of`. last_step2: the greatest squared change of the direction by one more step at a solution: LAST_STEP2, or infinite
+    if d is known to be a solution. u: a random number in [0, 1) for the kind of chain. The interfaces before the last obey the
+    law of refraction at each step; the walk solves for the last one.
     """
     never_inline()
     radius = row(scene.caustics.bound, caster, 4)[3]
@@ -166,7 +167,7 @@ def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted
                 limit = vec.normalize(vec.sub(vec.add(base, move), surface.point))
                 off = vec.sub(limit, d)
                 # At the edge of a caustic the error is small, too, where there is no solution, but the next step is large.
-                if vec.dot(off, off) < _LAST_STEP2:
+                if vec.dot(off, off) < last_step2:
                     found = is_beyond
                     break
             far = vec.length(move)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.arrays import rows
-from renderer.arrays.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, CONDUCTOR, FILM_MEAN, FILM_WAVELENGTHS, IS_PANE
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, CONDUCTOR, FILM_MEAN, FILM_WAVELENGTHS, HUANG, IS_PANE
 from renderer.arrays.scene_features import SceneFeatures
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.bsdf.layer_balance import fresnels
@@ -86,6 +86,8 @@ def resolve(kind, material, textures, base, metallic, roughness, pane, m):
     if textures.has.layers is not None and kind != CONDUCTOR:
         _resolve_layers(textures, base, metallic, pane, m)
     _set_alphas(m, roughness)
+    if textures.has.huang is not None and kind == HUANG:
+        _set_normal(m, textures.uv1)
     if textures.has.layers is not None and m[rows.IRIDESCENCE] > _ZERO:
         m[FILM_WAVELENGTHS] = _ZERO
         if textures.spectrum is not None:
@@ -176,6 +178,16 @@ def _set_alphas(m, roughness):
     m[ALPHA_X] = along
     m[ALPHA_Y] = alpha
     m[rows.ROUGHNESS] = math.sqrt(_HALF * (along + alpha)) if strength != _ZERO else roughness
+
+
+@device
+def _set_normal(m, normal):
+    """Sets HUANG_NORMAL in the parameter row m. normal: of an elliptic fibre, along its major and its minor axis, not unit."""
+    square = normal[0] * normal[0] + normal[1] * normal[1]
+    there = m[rows.HUANG_ASPECT] < _ONE and square > _ZERO
+    scale = _ONE / math.sqrt(square) if there else _ZERO
+    m[rows.HUANG_NORMAL] = normal[0] * scale
+    m[rows.HUANG_NORMAL + 1] = normal[1] * scale if there else _ONE
 
 
 @subroutine

@@ -5,11 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.arrays import rows
-from renderer.arrays.rows import ALPHA_X, ALPHA_Y, BLINN_PHONG, CONDUCTOR, HAIR, HAS_BECKMANN, LAYERED, MEDIUM, PLASTIC
+from renderer.arrays.rows import (
+    ALPHA_X,
+    ALPHA_Y,
+    BLINN_PHONG,
+    CONDUCTOR,
+    HAIR,
+    HAS_BECKMANN,
+    HUANG,
+    LAYERED,
+    MEDIUM,
+    PLASTIC,
+)
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.bsdf.blinn_phong import eval_and_pdf_blinn_phong, eval_base_of_blinn_phong, sample_blinn_phong
 from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
 from renderer.kernel.bsdf.hair import eval_and_pdf_hair, sample_hair
+from renderer.kernel.bsdf.huang import eval_and_pdf_huang, sample_huang
 from renderer.kernel.bsdf.layered import eval_and_pdf_layered, eval_diffuse_layered, sample_layered
 from renderer.kernel.bsdf.plastic import eval_and_pdf_plastic, eval_base_of_plastic, sample_plastic
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
@@ -80,6 +92,8 @@ def eval_rare(has, kind, m, eta, wo, wi):
         return eval_and_pdf_plastic(m, wo, wi)
     if has.hair is not None and kind == HAIR:
         return eval_and_pdf_hair(m, wo, wi)
+    if has.huang is not None and kind == HUANG:
+        return eval_and_pdf_huang(where_present(has.layers, m[HAS_BECKMANN]), m, wo, wi)
     return _BLACK, _ZERO
 
 
@@ -126,5 +140,8 @@ def sample_rare(has, kind, m, eta, wo, choose, u):
         return wi, weight, pdf, _ONE
     if has.hair is not None and kind == HAIR:
         wi, weight, pdf = sample_hair(m, wo, choose, u)
+        return wi, weight, pdf, _ONE
+    if has.huang is not None and kind == HUANG:
+        wi, weight, pdf = sample_huang(where_present(has.layers, m[HAS_BECKMANN]), m, wo, choose, u)
         return wi, weight, pdf, _ONE
     return (_ZERO, _ZERO, _ONE), _BLACK, _ZERO, _ONE

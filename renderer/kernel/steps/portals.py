@@ -3,7 +3,8 @@
 A cube of the guide has for each portal the radiance seen through it in addition to that of other directions
 (renderer/arrays/guide.py). A vertex takes each portal for a light of that radiance, and chooses it in proportion to the
 irradiance that it brings: radiance times solid angle times cosine. So a few large cubes suffice, and what a vertex samples
-changes with its distance as the light does. The probability of sampling a portal at all is the portals' part of the irradiance.
+changes with its distance as the light does. The probability of sampling a portal at all is the portals' part of the irradiance,
+in which the other light counts OTHER_WEIGHT times.
 """
 
 from __future__ import annotations
@@ -20,7 +21,16 @@ from renderer.kernel.fetch import columns
 from renderer.kernel.sampling.sphere_cone import hits_sphere, sample_sphere_direction, sphere_cone
 from renderer.wide.values import where, where3, zero_like
 
-__all__ = ["MIN_DISTANCE2", "MOST_CHANCE", "NO_PORTAL", "Portals", "portals_in_view", "portals_pdf", "sample_portal"]
+__all__ = [
+    "MIN_DISTANCE2",
+    "MOST_CHANCE",
+    "NO_PORTAL",
+    "OTHER_WEIGHT",
+    "Portals",
+    "portals_in_view",
+    "portals_pdf",
+    "sample_portal",
+]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -28,7 +38,10 @@ _ONE = np.float32(1.0)
 _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 _LEAST = np.float32(1e-30)
 MIN_DISTANCE2 = np.float32(1.02)  # in squared radii: nearer vertices do not sample a portal
-MOST_CHANCE = np.float32(0.5)  # upper bound of the probability of sampling a portal
+MOST_CHANCE = np.float32(0.75)  # upper bound of the probability of sampling a portal
+# Factor of the other irradiance: what portals do not bring is found by chance at later vertices, so its estimates have a larger
+# variance, and need the more samples.
+OTHER_WEIGHT = np.float32(2.0)
 _PER_TURN = np.float32(0.5 / math.pi)
 NO_PORTAL = np.float32(-1.0)  # in place of a portal's number
 
@@ -76,7 +89,7 @@ def portals_in_view(guide, cube, point, normal, u):
         center = where3(is_chosen, vec.add(point, to_center), center)
         radius = where(is_chosen, none + its_radius, radius)
     (other,) = columns(guide.radiance, cube, RADIANCE_COLUMNS, OTHER_RADIANCE, 1)
-    chance = min(total / max(total + _HALF * other, _LEAST), none + MOST_CHANCE)
+    chance = min(total / max(total + OTHER_WEIGHT * other, _LEAST), none + MOST_CHANCE)
     return Portals(total, where(number >= _ZERO, chance, none), center, radius, number, left)
 
 

@@ -12,7 +12,17 @@ from renderer.jit import device
 from renderer.kernel.sampling.sampler import INDEPENDENT, Stream, draw4
 from renderer.wide.values import to_int, u32
 
-__all__ = ["draw_caustic", "draw_color", "draw_kind", "draw_light", "draw_passing", "draw_scattering", "draw_time", "draw_trial"]
+__all__ = [
+    "draw_caustic",
+    "draw_color",
+    "draw_kind",
+    "draw_light",
+    "draw_passing",
+    "draw_photon",
+    "draw_scattering",
+    "draw_time",
+    "draw_trial",
+]
 
 _PASSING_BLOCKS = np.uint32((1 << 16) - 1)  # mask of the surface's number: paths that pass more surfaces reuse the blocks
 _PASSING = np.uint32(1 << 16)  # first block of transparent surfaces; vertices use lower ones
@@ -21,6 +31,7 @@ _TIME = np.uint32(1 << 18)  # block whose first number is the sample's shutter t
 _KIND = np.uint32(1 << 20)  # first block of the kinds of rays that leave vertices
 _CAUSTIC = np.uint32(1 << 24)  # first block of light through casters: TRIALS blocks a vertex, of the lamp and of each walk
 _TRIALS = np.uint32(13)
+_PHOTON = np.uint32(1 << 12 | 1 << 11)  # of a vertex's blocks, the first one of its photon: walks use lower ones
 _ONE, _TWO = np.uint32(1), np.uint32(2)
 
 
@@ -79,3 +90,10 @@ def draw_trial(stream, number, trial):
     if trial > 0:
         return draw4(Stream(INDEPENDENT, stream.seed, stream.pixel, stream.sample), block)
     return draw4(stream, block)
+
+
+@device
+def draw_photon(stream, number):
+    """Returns the eight numbers of a vertex's photon, as two blocks. number: count of earlier vertices."""
+    block = u32(u32(u32(u32(to_int(number)) << _TRIALS) + _CAUSTIC) + _PHOTON)
+    return draw4(stream, block), draw4(stream, u32(block + _ONE))

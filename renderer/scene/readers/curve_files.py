@@ -21,11 +21,11 @@ Matrix = npt.NDArray[np.float64]
 CURVE_BASES = {"bspline": 4, "bezier": 4, "linear": 2}  # minimum number of points
 
 
-def mesh_of_curves(basis: str, data: bytes, name: str, world: Matrix, fibres: bool = False) -> Mesh:
+def mesh_of_curves(basis: str, data: bytes, name: str, world: Matrix, fibres: bool = False, aspect: float = 1.0) -> Mesh:
     """Returns the curves of a file as tubes in world space. basis: of CURVE_BASES; world: (4, 4) transform.
 
-    fibres: whether their material is hair. As in Mitsuba, points are transformed and radii are not. Raises SceneError if the file
-    is malformed.
+    fibres, aspect: whether their material is hair, and its aspect ratio. As in Mitsuba, points are transformed and radii are not.
+    Raises SceneError if the file is malformed.
     """
     strands: list[Strand] = []
     least = CURVE_BASES[basis]
@@ -48,7 +48,7 @@ def mesh_of_curves(basis: str, data: bytes, name: str, world: Matrix, fibres: bo
         strands.append(Strand(line[:, :3], line[:, 3], steps=1 if basis == "linear" else STEPS))
     if not strands:
         raise SceneError(Sentence("curves-missing", "{name} has no curves; export it again", name=name))
-    return strands_mesh(strands, fibres)
+    return strands_mesh(strands, fibres, aspect)
 
 
 def _blocks(text: str, name: str) -> list[Matrix]:

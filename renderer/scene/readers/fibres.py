@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from renderer.scene.description import Material
 from renderer.scene.material import MOST_DENSE, PARAMETERS
 from renderer.scene.readers.number_ranges import clamped
 
-__all__ = ["BROWN", "absorption_of", "absorption_of_melanin", "fibre"]
+__all__ = ["BROWN", "absorption_of", "absorption_of_melanin", "elliptic_fibre", "fibre"]
 
 F64 = npt.NDArray[np.float64]
 BROWN = 1.3  # default concentration of eumelanin
@@ -30,6 +31,13 @@ def fibre(along: float, around: float, tilt: float, ior: float, absorption: Any 
     fields: dict[str, Any] = {name: _RANGES[name].clamped(value) for name, value in numbers.items()}
     r, g, b = (clamped(float(v), 0.0, MOST_DENSE) for v in np.asarray(absorption, float))
     return Material(kind="hair", base_color=(1.0, 1.0, 1.0), sigma_a=(r, g, b), **fields)
+
+
+def elliptic_fibre(hair: Material, alpha: float, aspect: float, r: float, tt: float, trt: float) -> Material:
+    """Returns hair with the model huang. alpha: the roughness of its facets; aspect: of its radii, either over the other."""
+    numbers = {"aspect_ratio": aspect if aspect <= 1 else 1 / aspect, "r": r, "tt": tt, "trt": trt}
+    fields: dict[str, Any] = {name: _RANGES[name].clamped(value) for name, value in numbers.items()}
+    return replace(hair, model="huang", roughness=math.sqrt(clamped(alpha, 0.001, 1.0)), **fields)
 
 
 def absorption_of(color: Any, around: float) -> F64:

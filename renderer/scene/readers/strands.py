@@ -1,4 +1,4 @@
-"""Converts hair, fur and wire curves to tubes or ribbons in one mesh."""
+"""Converts hair, fur and wire curves to fibres, tubes or ribbons in one mesh."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import Mesh
+from renderer.scene.readers import tubes as shapes
 from renderer.scene.readers.polylines import by_stride
-from renderer.scene.readers.tubes import BASES, STEPS, fineness_of, ribbons, sides_of, tubes, tubes_mesh
+from renderer.scene.readers.tubes import BASES, STEPS, elliptic, fineness_of, ribbons, sides_of, tubes, tubes_mesh
 
 __all__ = ["Strand", "line_of", "strands_mesh"]
 
@@ -48,23 +49,31 @@ def _weights(basis: str, steps: int) -> F64:
     return np.asarray(np.stack([u**k for k in range(4)], axis=1) @ BASES[basis])
 
 
-def strands_mesh(strands: list[Strand], fibres: bool = False) -> Mesh:
+_LEAST_SIDES = 6  # of an ellipse
+
+
+def strands_mesh(strands: list[Strand], fibres: bool = False, aspect: float = 1.0) -> Mesh:
     """Returns one mesh with a tube or ribbon for each curve; with many curves, tubes have fewer sides.
 
-    fibres: whether they are fibres of hair (tubes.py), which are round.
+    fibres: whether they are fibres of hair (tubes.py), which are segments of round curves; with an aspect ratio below 1, tubes
+    whose cross-sections are ellipses.
     """
     groups: dict[tuple[int, bool, int], list[Strand]] = {}
     for strand in strands:
         groups.setdefault((len(strand.points), strand.facing is None or fibres, strand.steps), []).append(strand)
-    pieces, sides = [], sides_of(len(strands), fibres)
+    pieces, sides = [], max(sides_of(len(strands), fibres), _LEAST_SIDES if aspect < 1 else 0)
     for (_, is_round, steps), group in groups.items():
         lines, radii = np.stack([strand.points for strand in group]), np.stack([strand.radii for strand in group])
         if fibres:
             alike = by_stride(lines, radii, steps, *fineness_of(len(strands)))
-            pieces += [tubes(lines[k, kept], radii[k, kept], None, sides, True) for k, kept in alike]
+            if aspect < 1:
+                pieces += [tubes(lines[k, kept], radii[k, kept], None, sides, True) for k, kept in alike]
+            else:
+                pieces += [shapes.fibres(lines[k, kept], radii[k, kept], None) for k, kept in alike]
         elif is_round:
             pieces.append(tubes(lines, radii, None, sides))
         else:
             facing = np.stack([strand.facing for strand in group if strand.facing is not None])
             pieces.append(ribbons(lines, radii, facing, None))
-    return tubes_mesh("curves", pieces)
+    mesh = tubes_mesh("curves", pieces)
+    return elliptic(mesh, sides, aspect) if fibres and aspect < 1 else mesh

@@ -1,11 +1,12 @@
-"""Converts curves to tubes of triangles: closed ones, or fibres of hair, which are open and have tangents and diameters.
+"""Converts curves: fibres of hair to segments of round curves (renderer/bvh/curves.py), others to closed tubes of triangles.
 
-Ribbons, which are flat, become strips.
+Elliptic fibres are open tubes with tangents and diameters. Ribbons, which are flat, become strips.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ __all__ = [
     "CurveWeights",
     "Tubes",
     "curve_weights",
+    "elliptic",
+    "fibres",
     "fineness_of",
     "line_tangents",
     "ribbons",
@@ -38,12 +41,12 @@ BASES = {
 }
 
 
-MAX_FINE_CURVES = 500  # up to this many curves get more sides
+MAX_FINE_CURVES = 500  # up to this many curves get more sides, or more lines
 MAX_CURVES = 20_000  # likewise; of more, each is hardly wider than a pixel
 
 
 class Tubes(NamedTuple):
-    """Tubes around curves, as triangles."""
+    """Tubes around curves, as triangles, or the curves themselves: triangles (a, b, b) are their segments."""
 
     positions: F64
     normals: F64
@@ -106,10 +109,10 @@ def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
         mesh.colors[:, :3] = all_colors.clip(0, 1)
     uv_sets = [np.concatenate(uvs).astype(np.float32) for uvs in zip(*(p.uvs for p in pieces), strict=False)]
     mesh.uvs, mesh.uvs1 = (uv_sets[k] if k < len(uv_sets) else None for k in (0, 1))
-    fibres = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
-    if fibres:
-        tangents: F64 = np.concatenate([along for along, _ in fibres])
-        diameters: F64 = np.concatenate([across for _, across in fibres])
+    round_ones = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
+    if round_ones:
+        tangents: F64 = np.concatenate([along for along, _ in round_ones])
+        diameters: F64 = np.concatenate([across for _, across in round_ones])
         mesh.tangents, mesh.diameters = tangents.astype(np.float32), diameters.astype(np.float32)
     return mesh
 
@@ -165,6 +168,25 @@ def line_tangents(lines: F64) -> F64:
     return tangents
 
 
+def fibres(lines: F64, radii: F64, colors: F64 | None, uvs: Sequence[F64] = ()) -> Tubes:
+    """Returns (N, S, 3) polylines as segments of round curves, with tangents and diameters.
+
+    radii: (N, S); colors: (N, S, 3) or None; uvs: (N, S, 2) each.
+    """
+    count, samples = lines.shape[:2]
+    tangents = line_tangents(lines).reshape(-1, 3)
+    first = (np.arange(count)[:, None] * samples + np.arange(samples - 1)).reshape(-1)
+    return Tubes(
+        lines.reshape(-1, 3),
+        np.cross(tangents, np.eye(3)[np.argmin(np.abs(tangents), axis=1)]),  # any normal: those of hits follow from the ray
+        None if colors is None else colors.reshape(-1, colors.shape[2]),
+        np.stack([first, first + 1, first + 1], axis=1),
+        np.column_stack([tangents, np.ones(len(tangents))]),
+        2 * radii.reshape(-1),
+        tuple(each.reshape(-1, 2) for each in uvs),
+    )
+
+
 def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool = False, uvs: Sequence[F64] = ()) -> Tubes:
     """Returns tubes around (N, S, 3) polylines, with flat ends.
 
@@ -216,6 +238,37 @@ def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool =
     triangles = (one[None] + (np.arange(count) * (samples + 2) * sides)[:, None, None]).reshape(-1, 3)
     shown = None if colors is None else with_ends(colors)
     return Tubes(positions, normals, shown, triangles, None, None, tuple(with_ends(each) for each in uvs))
+
+
+def elliptic(mesh: Mesh, sides: int, aspect: float) -> Mesh:
+    """Returns tubes that are fibres with a cross-section that is an ellipse, as wide on average as the smooth one.
+
+    mesh: of fibres whose vertices are rings of `sides`; the major axis is that from the middle of a ring to its first vertex, as
+    long as before. aspect: minor over major radius, below 1. The second UV set takes the normals, along the major and the minor
+    axis, from which kernels have the axes (renderer/kernel/bsdf/huang.py).
+    """
+    assert mesh.normals is not None and mesh.tangents is not None and mesh.diameters is not None
+    turns = np.arange(sides + 1) * (2 * np.pi / sides)
+    smooth = np.linspace(0, 2 * np.pi, 1025)
+    lengths = [np.hypot(np.diff(np.cos(t)), aspect * np.diff(np.sin(t))).sum() for t in (smooth, turns)]
+    widened = lengths[0] / lengths[1] / (np.pi / sides / np.sin(np.pi / sides))
+    rings = mesh.positions.reshape(-1, sides, 3).astype(np.float64)
+    middle = rings.mean(axis=1, keepdims=True)
+    out = mesh.normals.reshape(-1, sides, 3).astype(np.float64)
+    major = out[:, :1]
+    minor = np.cross(mesh.tangents.reshape(-1, sides, 4)[:, :1, :3], major)
+    across, along = (out * major).sum(axis=2, keepdims=True), (out * minor).sum(axis=2, keepdims=True)
+    radii = np.linalg.norm(rings - middle, axis=2, keepdims=True) * widened
+    positions = middle + radii * (across * major + aspect * along * minor)
+    length = np.sqrt((aspect * across) ** 2 + along**2)
+    across, along = aspect * across / length, along / length
+    return replace(
+        mesh,
+        positions=positions.reshape(-1, 3).astype(mesh.positions.dtype),
+        normals=(across * major + along * minor).reshape(-1, 3).astype(np.float32),
+        uvs1=np.concatenate([across, along], axis=2).reshape(-1, 2).astype(np.float32),
+        diameters=(mesh.diameters * widened).astype(np.float32),
+    )
 
 
 def ribbons(lines: F64, radii: F64, facing: F64, colors: F64 | None, uvs: Sequence[F64] = ()) -> Tubes:

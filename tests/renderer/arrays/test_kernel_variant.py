@@ -60,7 +60,7 @@ def test_common_scene_uses_the_plain_variant() -> None:
 def test_undeclared_material_kind_is_rejected() -> None:
     scene = compile_scene(described(*PLAIN))
     scene = scene._replace(material_kind=np.full_like(scene.material_kind, len(rows.KINDS)))
-    with pytest.raises(ValueError, match=r"kinds \[12\] are not declared; add them to KINDS in renderer/arrays/rows.py"):
+    with pytest.raises(ValueError, match=r"kinds \[13\] are not declared; add them to KINDS in renderer/arrays/rows.py"):
         variant_of(scene)
 
 
@@ -73,6 +73,9 @@ def test_hair_selects_a_variant_with_hair() -> None:
     hair = Material(kind="hair")
     assert variant_of(compile_scene(described(hair))) == "hair"
     assert variant_of(compile_scene(described(hair)), camera_moves=True) == "moving-hair"
+    hair = replace(hair, model="huang")
+    assert variant_of(compile_scene(described(hair, Material(kind="hair")))) == "huang"
+    assert variant_of(compile_scene(described(hair)), camera_moves=True) == "moving-huang"
 
 
 def test_catchers_of_reflections_select_a_variant_with_them() -> None:

@@ -54,7 +54,8 @@ VIEW = View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0))
 def guide(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Trains a guide of one of the two kinds from few pilot paths; returns its kind."""
     monkeypatch.setattr(train, "MOST_LEFT_BY_PORTALS", math.inf if request.param == "portals" else 0.0)
-    monkeypatch.setattr(train, "PORTAL_PATHS", 1 << 14)
+    monkeypatch.setattr(train, "PORTAL_ROUNDS", (1 << 12, 1 << 14, 1 << 10))
+    monkeypatch.setattr(train, "MOST_LIT", 1.0)
     monkeypatch.setattr(train, "ROUNDS", (1 << 12, 1 << 14))
     monkeypatch.setattr(train, "PHOTONS", 1 << 14)
     monkeypatch.setattr(train, "MOST_LEFT", 1.0)  # so few paths learn no shares: a half everywhere

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.arrays.guide import MOST_PORTALS, OTHER_RADIANCE, PORTAL_CENTER, PORTAL_RADIUS
-from renderer.guiding.portals import Segments, learn_portals, moment_left
+from renderer.guiding.portals import Segments, learn_portals, lit_part, moment_left
 from renderer.guiding.train import MOST_LEFT_BY_PORTALS
+from renderer.kernel.guiding.pilot import RECORD_COLUMNS, RECORD_NEAR, RECORD_SCALE
 
 HOLE, SIZE = np.array([1.5, 2.0, 4.0]), 0.4  # centre, and half of the side, of a square hole in the wall z = 4
 
@@ -47,3 +48,10 @@ def test_even_light_has_no_portal_that_is_of_use():
     assert learn_portals(dark) is None
     assert guide is None or moment_left(guide, dark) == 1
     assert learn_portals(Segments(*(column[:0] for column in dark))) is None
+
+
+def test_a_scene_is_as_lit_as_segments_find_light():
+    records = np.zeros((8, RECORD_COLUMNS), np.float32)
+    records[:4, RECORD_SCALE], records[:1, RECORD_NEAR] = 2.0, 3.0
+    records[4:, RECORD_NEAR] = 1.0  # the paths ended there
+    assert lit_part(records) == 0.25 and lit_part(records[:0]) == 0

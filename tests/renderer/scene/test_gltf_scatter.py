@@ -97,6 +97,10 @@ def test_blender_hair_extension(look):
     found = look(RAYFARM_materials_hair={"betaM": 0.25, "betaN": 7, "tilt": 0.1, "ior": 1.4})
     assert (found.kind, found.beta_m, found.beta_n, found.tilt, found.ior) == ("hair", 0.25, 1.0, 0.1, 1.4)
     assert found.base_color == (0.1, 0.2, 0.3)
+    assert (found.model, found.roughness, found.aspect_ratio) == ("chiang", 1.0, 1.0)
+    found = look(RAYFARM_materials_hair={"model": "huang", "alpha": 0.25, "aspectRatio": 2.0, "tt": 0.5, "betaN": 0.4})
+    assert (found.model, found.roughness, found.aspect_ratio) == ("huang", 0.5, 0.5)
+    assert (found.r, found.tt, found.trt, found.beta_n) == (1.0, 0.5, 1.0, 0.4)
 
 
 def test_blender_medium_is_attenuated_once(look):

@@ -35,13 +35,35 @@ def test_fibres_keep_the_points_by_which_they_bend() -> None:
 def test_only_hair_is_thinned() -> None:
     strands = [Strand(line, np.full(13, 0.02), steps=6) for line in arcs([1e-3, 0.25, 3.0])]
     fibres, wires = strands_mesh(strands, fibres=True), strands_mesh(strands)
-    assert len(fibres.triangles) == 2 * 12 * (2 + 4 + 12)
+    assert len(fibres.triangles) == 2 + 4 + 12
+    assert (fibres.triangles[:, 1] == fibres.triangles[:, 2]).all() and (np.diff(fibres.triangles[:, :2]) == 1).all()
     assert len(wires.triangles) == 3 * (2 * 12 * 12 + 2 * 10)
-    assert len(strands_mesh([Strand(*strand[:2]) for strand in strands], fibres=True).triangles) == 2 * 12 * 36
+    assert len(strands_mesh([Strand(*strand[:2]) for strand in strands], fibres=True).triangles) == 36
     assert fibres.diameters is not None
-    np.testing.assert_allclose(fibres.diameters, 0.04 * np.pi / 12 / np.sin(np.pi / 12))
+    np.testing.assert_allclose(fibres.diameters, 0.04)
     ends = [np.linalg.norm(fibres.positions - strand.points[-1], axis=1).min() for strand in strands]
-    assert ends == pytest.approx([fibres.diameters[0] / 2] * 3, rel=1e-4)
+    assert ends == pytest.approx([0] * 3, abs=1e-6)
+
+
+def test_elliptic_fibres_have_the_ellipses_axes_and_normals() -> None:
+    """Rings lie on ellipses of the aspect ratio, as wide on average as the smooth one, and the second UVs are their normals."""
+    strands = [Strand(line, np.linspace(0.03, 0.01, 13), steps=6) for line in arcs([0.25, 3.0])]
+    round_ones, flat = strands_mesh(strands, fibres=True), strands_mesh(strands, fibres=True, aspect=0.5)
+    assert flat.uvs1 is not None and flat.normals is not None and flat.tangents is not None and flat.diameters is not None
+    rings, middle = flat.positions.reshape(-1, 12, 3).astype(float), round_ones.positions[:, None].astype(float)
+    major = (rings[:, :1] - middle) / np.linalg.norm(rings[:, :1] - middle, axis=2, keepdims=True)
+    minor = np.cross(flat.tangents.reshape(-1, 12, 4)[:, :1, :3], major)
+    x, y = ((rings - middle) * major).sum(axis=2), ((rings - middle) * minor).sum(axis=2)
+    radii = flat.diameters.reshape(-1, 12) / 2
+    np.testing.assert_allclose(np.hypot(x, y / 0.5), radii, rtol=1e-3)
+    lengths = np.linalg.norm(np.roll(rings, 1, axis=1) - rings, axis=2).sum(axis=1)
+    assert round_ones.diameters is not None
+    circumference = 4.844224110  # of the ellipse with the radii 1 and 1/2
+    np.testing.assert_allclose(lengths, circumference * round_ones.diameters / 2, rtol=1e-3)
+    normals = np.stack([x, y / 0.25], axis=2)
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    np.testing.assert_allclose(flat.uvs1.reshape(-1, 12, 2), normals, atol=2e-3)
+    np.testing.assert_allclose(flat.normals.reshape(-1, 12, 3), normals[..., :1] * major + normals[..., 1:] * minor, atol=2e-3)
 
 
 @pytest.mark.parametrize("basis", ["linear", *BASES])

@@ -288,6 +288,14 @@ def test_builtin_shape_areas(scene):
             "materials:\n  m: {kind: mirror, metallic: 1}\n" + QUAD,
             "materials.m.metallic: has no meaning for the kind mirror, only for metallic_roughness",
         ),
+        (
+            "materials:\n  m: {eumelanin: 1, trt: 0.5, model: chiang}\n" + QUAD,
+            "line 2: materials.m.trt: has no meaning for hair of the model chiang, only for huang",
+        ),
+        (
+            "materials:\n  m: {aspect_ratio: 0.5, beta_n: 0.5}\n" + QUAD,
+            "materials.m.beta_n: has no meaning for hair of the model huang, only for chiang",
+        ),
         ("materials:\n  m: {metal: cheese}\n" + QUAD, 'line 2: materials.m.metal: is "cheese"; known are'),
         ("materials:\n  m: {metal: gold, k: 1}\n" + QUAD, "materials.m: a conductor needs either metal, or eta and k"),
         ("materials:\n  m: {eta: 1}\n" + QUAD, "materials.m: a conductor needs either metal, or eta and k"),

@@ -11,6 +11,7 @@ from renderer.bvh.traverse import shadow_root
 from renderer.jit import device, template
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import is_from_catcher, store_direct_light, store_first_hit
+from renderer.kernel.backends.scalar.photon_light import meet_photon
 from renderer.kernel.backends.scalar.visibility import shadow_transmittance
 from renderer.kernel.light.light_sample import light_sample_at
 from renderer.kernel.light.lights import choose_sampled, sample_chosen
@@ -25,8 +26,9 @@ from renderer.kernel.light_paths import (
     share_after_vertex,
     store_sampled_share,
 )
-from renderer.kernel.manifold.chain import is_sampled_elsewhere
+from renderer.kernel.manifold.chain import BEGUN, is_sampled_elsewhere
 from renderer.kernel.manifold.estimate import estimate_caustic
+from renderer.kernel.manifold.meeting import is_met
 from renderer.kernel.material.material import eval_diffuse_lobes, eval_material
 from renderer.kernel.sampling.sampler import substream
 from renderer.kernel.spectrum.upsampling import light_at
@@ -214,8 +216,15 @@ def add_direct(
 
 
 @template
-def add_caustic(scene, stack, vertex, ray, path, crossings, options, stream):
-    """Samples the light of small lamps through casters at a path's vertex; returns (the path with it added, number of rays)."""
-    caustic = estimate_caustic(scene, stack, vertex, path, ray.roulette_weight, crossings.counts, options, stream)
+def add_caustic(scene, stack, vertex, ray, path, last, chain, crossings, options, stream, layers, time, wavelengths):
+    """Samples the light of small lamps through casters at a path's vertex; returns (the path with it added, number of rays).
+
+    last: the LastVertex. chain: the state of the chain that ends at this vertex. layers: as for `meet_photon`.
+    """
+    is_rivaled = chain == BEGUN and is_met(scene, vertex.surface.material, options)
+    known = ray.roulette_weight, crossings.counts, last, is_rivaled, options, stream
+    caustic = estimate_caustic(scene, stack, vertex, path, *known)
+    sent = meet_photon(scene, stack, vertex, ray, path, crossings.counts, options, stream, layers, time, wavelengths)
     brought = clamp_indirect(vec.mul(path.throughput, caustic.radiance), caustic.segments, options.clamp)
-    return with_radiance(path, vec.add(path.radiance, brought)), caustic.rays
+    sent_on = clamp_indirect(vec.mul(path.throughput, sent.radiance), sent.segments, options.clamp)
+    return with_radiance(path, vec.add(path.radiance, vec.add(brought, sent_on))), caustic.rays + sent.rays

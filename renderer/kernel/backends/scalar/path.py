@@ -126,7 +126,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
     ray, path, last, crossings, passed, chain = state
     other, splits_here, rays, time = state, _NO, 0, camera.time
     wavelengths = wavelengths_of(scene, camera.stream)
-    layers = local_floats(LAYER_SLOTS)
+    layers, spare = local_floats(LAYER_SLOTS), local_floats(LAYER_SLOTS)
     after = where_present(scene.has.textures, FROM_ORIGIN)
     while True:
         root = camera_root(scene.bvh) if path.number == _ZERO else _ROOT
@@ -247,7 +247,9 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
             )
             rays += shadow_rays
             if scene.caustics is not None and is_joined(vertex.material):
-                path, shadow_rays = add_caustic(scene, stack, vertex, ray, path, crossings, options, stream)
+                path, shadow_rays = add_caustic(
+                    scene, stack, vertex, ray, path, last, chain, crossings, options, stream, spare, time, wavelengths
+                )
                 rays += shadow_rays
             record_light(log, row, DIRECT, path.radiance)
         if caught and (scene.has.reflections is None or not catches_reflections(scene, caught, vertex.surface.material)):

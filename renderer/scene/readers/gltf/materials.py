@@ -73,6 +73,10 @@ class Materials:
         """Returns True if the material transmits light and has no thickness; it is then thin unless its mesh is closed."""
         return index is not None and self._materials[self._first + index].transmission > 0 and not self._filled[index]
 
+    def aspect_ratio(self, index: int | None) -> float:
+        """Returns the aspect ratio of hair; 1 for other materials."""
+        return 1.0 if index is None else self._materials[self._first + index].aspect_ratio
+
     def thin_material(self, index: int) -> int:
         """Returns the index, in the scene description, of the material as a thin sheet, for meshes that are not closed."""
         if index not in self._panes:

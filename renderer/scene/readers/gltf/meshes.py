@@ -19,6 +19,7 @@ from renderer.scene.readers.gltf.moving import AnimatedParts
 from renderer.scene.readers.gltf.primitives import Primitive, read_primitive
 from renderer.scene.readers.gltf.transforms import Matrix
 from renderer.scene.readers.gltf.variants import Variants
+from renderer.scene.readers.tubes import elliptic
 from renderer.scene.textures import TextureShelf
 from renderer.scene.watertight import is_closed
 from renderer.sentences import Sentence
@@ -26,6 +27,7 @@ from renderer.sentences import Sentence
 __all__ = ["Meshes"]
 
 MAX_VERTICES = 1 << 26
+_RING = 6  # vertices around a fibre of hair, in files from Blender (SIDES of blender/rayfarm_addon/scene/tubes.py)
 
 
 class Meshes:
@@ -72,7 +74,7 @@ class Meshes:
         """
         weights = self._weights(index, node)
         found = []
-        for primitive, _ in self._primitives(index):
+        for primitive, material in self._primitives(index):
             mesh, bones = morphed(primitive.mesh, primitive.targets, weights, self._accessors), primitive.bones
             if matrices is not None and bones is not None:
                 if bones.joints.max(initial=0) >= len(matrices):
@@ -86,6 +88,9 @@ class Meshes:
                         ),
                     )
                 mesh = skinned(mesh, bones, matrices)
+            aspect = self._materials.aspect_ratio(material)
+            if mesh.diameters is not None and aspect < 1 and len(mesh.positions) % _RING == 0:
+                mesh = elliptic(mesh, _RING, aspect)
             found.append(mesh)
         return found
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from renderer.scene.description import Vec3
 from renderer.scene.material import HAIR_IOR, MOST_DENSE, MOST_FORWARD, Material
-from renderer.scene.readers.fibres import fibre
+from renderer.scene.readers.fibres import elliptic_fibre, fibre
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.textures import Textures
 from renderer.scene.readers.linear_images import linear
@@ -27,11 +27,13 @@ __all__ = ["NAMES", "read_scatter"]
 
 _VOLUME_SCATTER, _SCATTER = "KHR_materials_volume_scatter", "KHR_materials_scatter"
 # Ours, written by renderer/blender and blender/: sigmaA, sigmaS and g of the interior, isInterface for index-matched boundaries;
-# subsurfaceFactor, subsurfaceRadius and subsurfaceAnisotropy; betaM, betaN, tilt (radians) and ior of hair of the base colour.
+# subsurfaceFactor, subsurfaceRadius and subsurfaceAnisotropy; betaM, betaN, tilt (radians) and ior of hair of the base colour,
+# and alpha, aspectRatio, r, tt and trt if its model is huang.
 _MEDIUM, _SUBSURFACE = "RAYFARM_materials_medium", "RAYFARM_materials_subsurface"
 _HAIR = "RAYFARM_materials_hair"
 NAMES = {_VOLUME_SCATTER, _SCATTER, _MEDIUM, _SUBSURFACE, _HAIR}
 _HAIR_DEFAULTS = {"betaM": 0.3, "betaN": 0.3, "tilt": math.radians(2), "ior": HAIR_IOR}  # arguments of `fibre`
+_ELLIPTIC_DEFAULTS = {"alpha": 0.3, "aspectRatio": 0.85, "r": 1.0, "tt": 1.0, "trt": 1.0}  # of `elliptic_fibre`
 _NONE: Vec3 = (0.0, 0.0, 0.0)
 
 
@@ -133,6 +135,10 @@ def _read_ours(source: Json, material: Material) -> None:
     if hair := source.extension(_HAIR):
         said = fibre(*(hair.number(name, value) for name, value in _HAIR_DEFAULTS.items()))
         material.kind, material.ior = "hair", said.ior
+        if hair.value.get("model") == "huang":
+            said = elliptic_fibre(said, *(hair.number(name, value) for name, value in _ELLIPTIC_DEFAULTS.items()))
+            material.model, material.roughness, material.aspect_ratio = said.model, said.roughness, said.aspect_ratio
+            material.r, material.tt, material.trt = said.r, said.tt, said.trt
         material.beta_m, material.beta_n, material.tilt = said.beta_m, said.beta_n, said.tilt
 
 

@@ -1,4 +1,4 @@
-"""Converts USD curves to tubes, fibres of hair or ribbons, and USD points to spheres."""
+"""Converts USD curves to fibres of hair, tubes or ribbons, and USD points to spheres."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy.typing as npt
 from pxr import UsdGeom
 
 from renderer.scene.description import F32, Mesh
+from renderer.scene.readers import tubes as shapes
 from renderer.scene.readers.polylines import by_stride
 from renderer.scene.readers.tubes import (
     BASES,
@@ -92,7 +93,7 @@ def tubes_of(
     """Returns all curves of a prim as one mesh: tubes, or ribbons if they have normals; None, with a note, if they are damaged.
 
     color: name of the primvar with their colours, or None. uv_sets: names of those with their UVs. fibres: whether their material
-    is hair: they are then fibres (tubes.py), with or without normals. bends: whether they deform over time.
+    is hair: they are then segments of round curves (tubes.py), with or without normals. bends: whether they deform over time.
     """
     curves = UsdGeom.BasisCurves(prim)
     points = primvars.array(curves.GetPointsAttr().Get(time), 3).astype(np.float64)
@@ -126,7 +127,7 @@ def tubes_of(
     tint = primvars.find_primvar(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
     uvs = [_uvs(prim, name, time) for name in uv_sets]
-    sides = sides_of(len(counts), fibres)
+    sides = 0 if fibres else sides_of(len(counts), fibres)
     normals, facing = _normals(prim, curves, time)
     if fibres and len(normals):
         notes.add(Sentence("usd-ribbons-drawn-as-tubes", "Ribbons of hair are drawn as round fibres"), path)
@@ -180,8 +181,10 @@ def tubes_of(
             own_colors, own_uvs = None if shown is None else shown[k, kept], [each[k, kept] for each in placed]
             if facings is not None:
                 pieces.append(ribbons(lines[k, kept], radii[k, kept], facings[k, kept], own_colors, own_uvs))
+            elif fibres:
+                pieces.append(shapes.fibres(lines[k, kept], radii[k, kept], own_colors, own_uvs))
             else:
-                pieces.append(tubes(lines[k, kept], radii[k, kept], own_colors, sides, fibres, own_uvs))
+                pieces.append(tubes(lines[k, kept], radii[k, kept], own_colors, sides, uvs=own_uvs))
     if not pieces:
         return None
     return tubes_mesh(prim.GetName(), pieces)

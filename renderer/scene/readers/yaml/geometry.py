@@ -258,8 +258,9 @@ class Shapes:
 
     def _curves(self, source: dict[str, Any], material: int | None, name: str, path: Path) -> Mesh:
         file = self._found(source, path)
-        fibres = material is not None and self._description.materials[material].kind == "hair"
-        mesh = mesh_of_curves(source.get("basis", "bspline"), self._files.read(file), file, np.eye(4), fibres)
+        look = None if material is None else self._description.materials[material]
+        hair = (look.kind == "hair", look.aspect_ratio) if look is not None else (False, 1.0)
+        mesh = mesh_of_curves(source.get("basis", "bspline"), self._files.read(file), file, np.eye(4), *hair)
         mesh.name = name
         return mesh
 

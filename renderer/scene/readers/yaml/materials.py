@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from renderer.scene.material import HAIR_IOR, PARAMETERS, Material
+from renderer.scene.material import HAIR_IOR, PARAMETERS, HairModel, Material
 from renderer.scene.parameters import EVERY_KIND, SURFACES, MaterialKind, Parameter
 from renderer.scene.readers.metals import METALS
 from renderer.scene.readers.yaml.lines import Path, Yaml
@@ -25,6 +25,7 @@ _FIELDS: dict[str, frozenset[str]] = {
     )
     for kind in EVERY_KIND
 }
+_CHIANG, _HUANG = {"beta_m", "beta_n"}, {"roughness", "distribution", "aspect_ratio", "r", "tt", "trt"}  # of one model of hair
 # Fields that imply the kind "metallic_roughness".
 _PRINCIPLED_FIELDS = _FIELDS["metallic_roughness"] - frozenset.intersection(*map(_FIELDS.__getitem__, SURFACES))
 
@@ -57,8 +58,9 @@ def read_material(name: str, source: dict[str, Any], textures: Textures, documen
     fields["base_color"] = color(source.get("color", 1.0 if white else 0.8))
     if "abbe" in source:
         fields["dispersion"] = 20.0 / source["abbe"]
-    if kind == "hair" and "ior" not in source:
-        fields["ior"] = HAIR_IOR
+    if kind == "hair":
+        fields.setdefault("ior", HAIR_IOR)
+        fields["model"] = _model_of(source, document, path)
     if kind == "conductor":
         _conductor(source, fields, document, path)
     if kind == "blinn_phong" and "specular_color" not in source:
@@ -69,6 +71,24 @@ def read_material(name: str, source: dict[str, Any], textures: Textures, documen
     if source.get("opacity", 1) < 1 and "alpha_mode" not in source:
         fields["alpha_mode"] = "blend"
     return Material(**fields)
+
+
+def _model_of(source: dict[str, Any], document: Yaml, path: Path) -> HairModel:
+    """Returns the model of hair, by its fields unless given. Raises SceneError if a field has no meaning for its model."""
+    model: HairModel = source.get("model") or ("huang" if _HUANG & source.keys() else "chiang")
+    for key in source:
+        if key in (_HUANG if model == "chiang" else _CHIANG):
+            other = "huang" if model == "chiang" else "chiang"
+            raise document.error(
+                (*path, key),
+                Sentence(
+                    "hair-field-of-other-model",
+                    "has no meaning for hair of the model {model}, only for {other}; leave it out or write model: {other}",
+                    model=model,
+                    other=other,
+                ),
+            )
+    return model
 
 
 def _value(parameter: Parameter, value: Any, textures: Textures, document: Yaml, path: Path) -> Any:
@@ -89,7 +109,7 @@ def _kind_of(source: dict[str, Any]) -> MaterialKind:
         return "blinn_phong"
     if "nonlinear" in source:
         return "plastic"
-    if {"beta_m", "beta_n", "eumelanin", "pheomelanin"} & source.keys():
+    if {"eumelanin", "pheomelanin", "model", *_CHIANG, *(_HUANG - {"roughness", "distribution"})} & source.keys():
         return "hair"
     return "metallic_roughness" if _PRINCIPLED_FIELDS & source.keys() else "diffuse"
 

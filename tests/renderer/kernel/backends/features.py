@@ -66,15 +66,15 @@ def _smooth(mesh: Mesh) -> Mesh:
     return replace(mesh, normals=unit.astype(np.float32), uvs=uvs)
 
 
-def strands() -> Mesh:
-    """Returns bent fibres of hair that stand on the floor, of material 0."""
+def strands(aspect: float = 1.0) -> Mesh:
+    """Returns bent fibres of hair that stand on the floor, of material 0. aspect: of their cross-sections."""
     random = np.random.default_rng(2)
     along = np.linspace(0, 1, 6)[:, None]
     fibres = []
     for x, z, lean_x, lean_z in random.uniform(-1, 1, (60, 4)):
         points = np.column_stack([1.5 + 0.5 * x + 0.4 * lean_x * along**2, 1.5 * along, 0.5 * z + 0.4 * lean_z * along**2])
         fibres.append(Strand(points, np.linspace(0.03, 0.01, len(points))))
-    return strands_mesh(fibres, fibres=True)
+    return strands_mesh(fibres, fibres=True, aspect=aspect)
 
 
 def _moved(x: float, y: float = 0.7, z: float = 0.0) -> np.ndarray:
@@ -490,6 +490,19 @@ FEATURES: dict[str, Feature] = {
             medium=Medium(sigma_s=gray(0.1)),
         ),
         views=tuple(replace(VIEW, eye=(x, 1.6, 5.0)) for x in (-0.3, 0.0, 0.4)),
+        max_depth=12,
+    ),
+    "hair of facets": _feature(
+        lambda: room(
+            Material(kind="hair", model="huang", base_color=(0.6, 0.4, 0.2), aspect_ratio=0.6, ior=1.55), (strands(0.6),)
+        )
+    ),
+    "hair of facets in fog": _feature(
+        lambda: room(
+            Material(kind="hair", model="huang", eumelanin=0.5, roughness=0.4, distribution="beckmann", ior=1.55, r=0.5),
+            (strands(),),
+            medium=Medium(sigma_s=gray(0.1)),
+        ),
         max_depth=12,
     ),
     # Light links

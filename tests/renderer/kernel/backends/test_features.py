@@ -39,7 +39,7 @@ AIMED = (
 )
 AIMED_IN_MEDIA = ("lamps in glass in fog", "lamps in glass by wax")
 # For these the kernels of hair, of light links and of visibility by kind of ray are compiled.
-HAIR = ("hair", "hair in fog")
+HAIR = ("hair", "hair in fog", "hair of facets", "hair of facets in fog")
 LINKED = ("linked lights", "linked lights through cards", "linked lights in fog", "linked lights on wax")
 BY_KIND = ("seen by some rays", "seen by some rays, through cards", "seen by some rays, in fog")
 CAUGHT = ("reflections on a floor", "reflections without shadows", "reflections in fog")
@@ -97,6 +97,7 @@ def test_the_features_ask_for_all_variants() -> None:
         variant = "visibility" if name in BY_KIND else variant
         variant = "catchers" if name in CAUGHT else variant
         variant = {"hair": "hair", "hair in fog": "moving-hair", "reflections in fog": "moving-catchers"}.get(name, variant)
+        variant = {"hair of facets": "huang", "hair of facets in fog": "moving-huang"}.get(name, variant)
         assert variant_for(settings, scene) == variant, name
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from renderer.arrays.rows import HAIR, KINDS
+from renderer.arrays.rows import HAIR, HUANG, KINDS
 from renderer.scene.description import Material, SceneDescription
 from renderer.scene.material_packing import pack
 from tests.grids import grid
@@ -63,13 +63,13 @@ CASES = [(name, True) for name in MODELS] + [(name, False) for name in FROM_BOTH
 
 
 def test_every_scattering_kind_is_tested():
-    """MODELS has an entry for every kind of material that scatters, except hair, which test_hair.py tests.
+    """MODELS has an entry for every kind of material that scatters, except hair, which test_hair.py and test_huang.py test.
 
     The chi-squared tests of the entries fail if a kernel has no branch for the kind.
     """
     kinds = pack(SceneDescription(materials=list(MODELS.values()))).material_kind.tolist()
     stages = ("diffuse", "metallic_roughness", "conductor", "rare")
-    assert {kind.number for kind in KINDS if kind.stage in stages} == {*kinds, HAIR}
+    assert {kind.number for kind in KINDS if kind.stage in stages} == {*kinds, HAIR, HUANG}
 
 
 @pytest.fixture(scope="module")

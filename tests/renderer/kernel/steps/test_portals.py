@@ -7,7 +7,7 @@ import pytest
 
 from renderer.arrays.guide import FRAME_COLUMNS, OTHER_RADIANCE, RADIANCE_COLUMNS, portal_guide
 from renderer.jit import entry
-from renderer.kernel.steps.portals import NO_PORTAL, portals_in_view, portals_pdf, sample_portal
+from renderer.kernel.steps.portals import MOST_CHANCE, NO_PORTAL, portals_in_view, portals_pdf, sample_portal
 from tests.renderer.judge import direction_test
 
 N = 100_000
@@ -57,4 +57,4 @@ def test_directions_towards_portals_follow_their_density():
 def test_portals_are_sampled_as_often_as_they_bring_light():
     one = np.float32([(0, 1, 0)])
     chances = [_run(np.zeros((1, 2)), one, other)[0] for other in (0.0, 10.0, 1000.0)]
-    assert chances[0] == np.float32(0.5) > chances[1] > chances[2] > 0
+    assert chances[0] == MOST_CHANCE > chances[1] > chances[2] > 0
