@@ -145,8 +145,8 @@ def _halved(mesh: Mesh) -> Mesh:
 def _background(description: SceneDescription) -> tuple[int, int, int] | None:
     """Returns the world's colour around the horizon, sRGB; None for the studio and for skies."""
     environment = description.environment
-    if environment is None:
-        return None if description.studio_for_accents else (0, 0, 0)
+    if environment is None:  # emitting surfaces alone may be accents, to which compiling adds the studio
+        return None if description.studio_for_accents and not description.lights else (0, 0, 0)
     if environment.sky is not None:
         return None
     color = environment.strength * np.asarray(environment.color, np.float64)

@@ -92,6 +92,8 @@ def test_tiles_in_progress_are_labelled_with_worker_and_slot(node: Node) -> None
     found = node.call("film/tile-outlines", "return m.outlinesOf(a, {job: 'j', frame: 0});", workers)
     assert [(each["label"], each["x"]) for each in found] == [("b · 1", 0), ("a · 2", 8)]
     assert found[0]["colour"] != found[1]["colour"]
+    alone = node.call("film/tile-outlines", "return m.outlinesOf(a, {job: 'j', frame: 0});", workers[:1])
+    assert [each["label"] for each in alone] == [""], "the only worker is not named"
 
 
 def test_histogram_counts_film_pixels(node: Node) -> None:

@@ -36,13 +36,17 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
     def progress(step: str, fraction: float) -> None:
         link.send({"step": step, "fraction": fraction})
 
+    def compiling(step: str, fraction: float) -> None:
+        if fraction < 1.0:  # its end is not the preparation's
+            progress(step, 0.3 + 0.5 * fraction)
+
     progress("reading", 0.05)
     shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant, manifest.up, manifest.floor)
     description = shot.scene_at(Moment(shot.start))
     if (shown := draw_preview(description, folder_of(out) / PREVIEW)) is not None:
         link.send({"step": "reading", "fraction": 0.3, "preview": shown})
     kept = ShotCache()
-    compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction), shot_cache=kept)
+    compiled = compile_scene(description, compiling, shot_cache=kept)
     summary = summarise(description, compiled)
     summary["lights_power"] = kept.lights_power
     assert kept.cuts is not None

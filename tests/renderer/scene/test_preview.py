@@ -9,7 +9,7 @@ import numpy as np
 
 from protocol.mesh import Mesh as Packet
 from protocol.mesh import decode_mesh, encode_mesh
-from renderer.scene.description import Environment, Image, Instance, Material, Mesh, SceneDescription, Sky, Sphere, Texture
+from renderer.scene.description import Environment, Image, Instance, Light, Material, Mesh, SceneDescription, Sky, Sphere, Texture
 from renderer.scene.preview import preview
 from renderer.scene.studio import light_studio
 
@@ -115,7 +115,7 @@ def test_preview_mesh_packet_round_trip() -> None:
 
 
 def test_preview_background_is_the_worlds() -> None:
-    """Black without a world, the studio's None, a colour's own, and an image's around the horizon."""
+    """Black without a world, also of a model with lamps, the studio's None, a colour's own, and an image's around the horizon."""
 
     def background(light: Environment | None, image: Image | None = None) -> tuple[int, int, int] | None:
         lit = replace(scene(sheet(1)), environment=light, images=[image] if image else [])
@@ -130,6 +130,8 @@ def test_preview_background_is_the_worlds() -> None:
     assert background(Environment(image=0, strength=2.0), Image("sky", sky, srgb=False)) == (188, 255, 255)
     assert background(Environment(sky=Sky())) is None
     studio = SceneDescription(meshes=[sheet(1)], instances=[Instance(0)], materials=[Material()])
+    found = preview(replace(studio, studio_for_accents=True, lights=[Light("point")]))
+    assert found is not None and found.background == (0, 0, 0), "a model with lamps is not lit by the studio"
     light_studio(studio)
     found = preview(studio)
     assert found is not None and found.background is None

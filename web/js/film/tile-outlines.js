@@ -1,4 +1,4 @@
-/** Outlines of the tiles being rendered, with worker and slot, in the worker's colour. */
+/** Outlines of the tiles being rendered, with worker and slot where there are several workers, in the worker's colour. */
 
 import { workerColours } from "./worker-colours.js";
 
@@ -16,7 +16,7 @@ export function outlinesOf(workers, { job, frame }) {
     current.flatMap((slot, i) => {
       if (slot.job !== job || (slot.frame ?? frame) !== frame || !slot.tile) return [];
       const [x, y, w, h] = slot.tile;
-      return [{ x, y, w, h, label: `${name} · ${i + 1}`, short: String(i + 1), worker: name, colour: colours.get(name) ?? "#fff" }];
+      return [{ x, y, w, h, ...(workers.length > 1 ? { label: `${name} · ${i + 1}`, short: String(i + 1) } : { label: "", short: "" }), worker: name, colour: colours.get(name) ?? "#fff" }];
     }),
   );
 }

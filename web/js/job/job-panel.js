@@ -10,7 +10,6 @@ import { go, here, linkTo } from "../shell/router.js";
 import { icon } from "../base/icons.js";
 import { endOf, settingOf, valueText } from "../news/settings-table.js";
 import { framesDone, isShot } from "../base/shot-words.js";
-import { progressBar } from "../shell/state-chip.js";
 import { timeLeft } from "../news/time-left.js";
 import { showError, undoable } from "../shell/tray.js";
 import { saidOf } from "../base/said.js";
@@ -68,7 +67,6 @@ function beginAnewUndoably(job, button) {
 export function progressPanel() {
   const samples = h("strong", { class: "big number" });
   const of = h("span", { class: "quiet number" });
-  const bar = progressBar(t("Progress of the picture"));
   const elapsed = h("dd");
   const left = h("dd");
   const leftRow = h("div", null, h("dt", null, t("Left")), left);
@@ -105,7 +103,6 @@ export function progressPanel() {
       "section",
       { class: "side-section stack", "aria-label": t("Progress") },
       h("div", { class: "row baseline" }, samples, of),
-      bar.element,
       h(
         "dl",
         { class: "figures number" },
@@ -127,7 +124,6 @@ export function progressPanel() {
       const pixels = (job.width ?? 1) * (job.height ?? 1);
       setText(samples, isShot(job) ? count(job.shot?.states.finished ?? 0) : count(Math.floor(job.samples / pixels)));
       setText(of, goal(job));
-      bar.update(job.progress, job.state);
       const rate = job.samples_per_s || (job.state !== "queued" && job.active_s > 0.5 ? (job.samples - samplesTaken(job)) / job.active_s : 0);
       setText(speed, rate >= 1 ? compact(rate) : "–");
       message.hidden = !job.message;

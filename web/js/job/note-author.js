@@ -45,6 +45,8 @@ export function noteAuthor() {
       if (!name) {
         element.hidden = false;
         input.focus();
+        input.required = true;
+        input.reportValidity(); // says in the browser's words why nothing was saved
         return null;
       }
       store(name);

@@ -60,6 +60,19 @@ void main() {
   at = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
   gl_Position = vec4(at, 0.9999999, 1.0);
 }`;
+const MARGIN_GLSL = "const float MARGIN = 0.008; // width of the rim around the mesh that has its colour, too";
+/** The picture without the mesh, multiplied by its alpha. */
+const BEHIND = `#version 300 es
+precision highp float;
+${KEPT_GLSL}
+${MARGIN_GLSL}
+in vec2 at;
+out vec4 pixel;
+void main() {
+  vec2 uv = 0.5 + 0.5 * at;
+  float alone = smoothstep(0.85, 1.0, open(1.0, uv, MARGIN));
+  pixel = vec4(textureLod(kept, uv, 0.0).rgb, 1.0) * alone;
+}`;
 const FRAGMENT = `#version 300 es
 precision highp float;
 ${KEPT_GLSL}
@@ -71,10 +84,24 @@ uniform vec3 upward;
 uniform vec3 above;
 uniform float floorHeight;
 uniform float reach; // how far the floor is drawn; 0: there is none
+uniform sampler2D keptBehind;
 in vec2 at;
 out vec4 pixel;
+${MARGIN_GLSL}
 const float BLUR = 3.0; // level of detail of what stands in for what the picture does not show
-const float MARGIN = 0.008; // width of the rim around the mesh that has its colour, too
+// What the picture shows of the floor, and where the mesh hides it, the colours beside the mesh: its shadow goes on behind it.
+vec4 filled(vec3 place, vec4 lying) {
+  vec4 at = keptClip * vec4(place, 1.0);
+  vec2 uv = at.w > 0.0 ? 0.5 + 0.5 * at.xy / at.w : vec2(-1.0);
+  vec2 edge = smoothstep(vec2(0.0), vec2(0.001 + 0.05 * softness), min(uv, 1.0 - uv));
+  vec4 sum = vec4(0.0);
+  for (int level = 0; level < 10 && sum.a < 0.99; level++) { // finer levels count first
+    vec4 found = textureLod(keptBehind, uv, float(level));
+    sum += (1.0 - sum.a) * smoothstep(0.0, 0.6, found.a) * vec4(found.rgb / max(found.a, 1e-3), 1.0);
+  }
+  float known = edge.x * edge.y * step(0.05, sum.a);
+  return vec4(mix(sum.rgb / max(sum.a, 1e-3), lying.rgb, lying.a), max(lying.a, known));
+}
 vec3 distant(vec3 way) {
   vec4 place = keptClip * vec4(way, 0.0);
   vec2 uv = place.w > 1e-6 ? 0.5 + 0.5 * place.xy / place.w : vec2(0.5, 0.95);
@@ -96,6 +123,7 @@ void main() {
   float away = reach > 0.0 && abs(fall) > 1e-5 ? (floorHeight - dot(eye, above)) / fall : -1.0;
   if (away > 0.0) {
     vec4 lying = keptAt(eye + away * way, above, MARGIN);
+    if (lying.a < 1.0) lying = filled(eye + away * way, lying);
     color = mix(color, lying.rgb, lying.a * (1.0 - smoothstep(0.5 * reach, reach, away)));
   }
   pixel = vec4(color, 1.0);
@@ -115,7 +143,11 @@ export class KeptPicture {
     this.depth = gl.createTexture();
     /** The mesh as the picture's camera sees it, without the picture. */
     this.shade = gl.createTexture();
+    /** The picture without the mesh, as BEHIND writes it. */
+    this.behind = gl.createTexture();
+    this.behindProgram = programOf(gl, VERTEX, BEHIND);
     this.frame = gl.createFramebuffer();
+    this.behindFrame = gl.createFramebuffer();
     /** The camera of the picture; null: there is no picture. @type {View | null} */
     this.view = null;
     this.width = this.height = 1;
@@ -185,6 +217,30 @@ export class KeptPicture {
     gl.generateMipmap(gl.TEXTURE_2D);
     gl.activeTexture(gl.TEXTURE0);
     this.hasDepth = true;
+    this.drawWithoutMesh(mesh, view);
+  }
+
+  /** @param {MeshPacket} mesh @param {View} view the picture's camera */
+  drawWithoutMesh(mesh, view) {
+    const { gl, behindProgram, width, height } = this;
+    if (!behindProgram) return;
+    gl.activeTexture(gl.TEXTURE4);
+    gl.bindTexture(gl.TEXTURE_2D, this.behind);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+    smooth(gl);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.behindFrame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.behind, 0);
+    gl.useProgram(behindProgram);
+    this.bind(behindProgram, mesh, view);
+    gl.activeTexture(gl.TEXTURE4);
+    gl.bindTexture(gl.TEXTURE_2D, null); // it is not read while it is written
+    gl.disable(gl.DEPTH_TEST);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.enable(gl.DEPTH_TEST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.bindTexture(gl.TEXTURE_2D, this.behind);
+    gl.generateMipmap(gl.TEXTURE_2D);
+    gl.activeTexture(gl.TEXTURE0);
   }
 
   /**
@@ -202,6 +258,7 @@ export class KeptPicture {
       [1, this.color],
       [2, this.hasDepth ? this.depth : null],
       [3, this.hasDepth ? this.shade : null],
+      [4, this.hasDepth ? this.behind : null],
     ]) {
       gl.activeTexture(gl.TEXTURE0 + Number(unit));
       gl.bindTexture(gl.TEXTURE_2D, /** @type {WebGLTexture | null} */ (texture));
@@ -210,6 +267,7 @@ export class KeptPicture {
     gl.uniform1i(at("kept"), 1);
     gl.uniform1i(at("keptDepth"), 2);
     gl.uniform1i(at("keptShade"), 3);
+    gl.uniform1i(at("keptBehind"), 4);
     gl.uniformMatrix4fv(at("keptClip"), false, clipMatrix(view, width / height, low, high));
     gl.uniform3fv(at("keptEye"), fromMiddle(view.eye, low, high));
     gl.uniform1f(at("softness"), Math.min(1, 4 * this.distance(seen)));

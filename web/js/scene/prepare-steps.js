@@ -66,7 +66,7 @@ export function prepareSteps(scene) {
       return h(
         "li",
         { class: isCurrent ? "current" : isDone ? "done" : "", "aria-current": isCurrent ? "step" : null },
-        icon(isDone && !isCurrent ? "check" : "clock"),
+        icon(isCurrent ? "clock" : isDone ? "check" : "later"),
         h("span", { class: "grow" }, LABELS[step], " ", hint),
         took !== undefined && h("span", { class: "quiet" }, secondsText(took)),
       );

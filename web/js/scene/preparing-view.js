@@ -3,7 +3,7 @@
  * turned. It turns as the live view does.
  */
 
-import { h } from "../base/dom.js";
+import { h, setText } from "../base/dom.js";
 import { t } from "../base/words.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
@@ -20,7 +20,7 @@ const [WIDTH, HEIGHT] = [1280, 720];
 
 /**
  * @param {Scene} scene
- * @returns {{element: HTMLElement, update: (scene: Scene) => void, dispose: () => void}}
+ * @returns {{element: HTMLElement, update: (scene: Scene, step: string) => void, dispose: () => void}}
  */
 export function preparingView(scene) {
   const canvas = h("canvas", { class: "mesh", role: "img", "aria-label": t("The scene as it is seen now") });
@@ -40,6 +40,9 @@ export function preparingView(scene) {
   mesh.setScene(scene);
   /** @type {View | null} */
   let view = null;
+  /** What is done until there is something to see. */
+  const doing = h("p", { "aria-hidden": "true" }); // the list of steps is read out
+  const hasPicture = () => mesh.mesh !== null || picture !== undefined;
   let isTurned = false;
   let isAsked = false;
   let letGo = () => {};
@@ -69,11 +72,14 @@ export function preparingView(scene) {
     if (!local || isAsked || !isOpen) return;
     const { packet, view: first } = local;
     mesh.setMesh(packet);
+    doing.textContent = "";
     follow(first, packet.low, packet.high);
   });
   return {
-    element: h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface)),
-    update(next) {
+    element: h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface, h("div", { class: "view-pills" }, doing))),
+    /** @param {Scene} next @param {string} step in words */
+    update(next, step) {
+      setText(doing, hasPicture() ? "" : step);
       const { id, preview, cameras, bounds, defaults } = next;
       const first = cameras[0]?.view;
       const [low, high] = bounds ?? [];
@@ -83,7 +89,10 @@ export function preparingView(scene) {
       surface.style.setProperty("--aspect", String((defaults["width"] ?? WIDTH) / (defaults["height"] ?? HEIGHT)));
       follow(first, /** @type {Vec3} */ (low), /** @type {Vec3} */ (high));
       meshOf(id).then(
-        (packet) => isOpen && mesh.mesh !== packet && mesh.setMesh(packet),
+        (packet) => {
+          if (isOpen && mesh.mesh !== packet) mesh.setMesh(packet);
+          doing.textContent = "";
+        },
         () => {}, // the list of steps shows the progress
       );
     },

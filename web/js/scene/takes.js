@@ -106,6 +106,7 @@ export function takes(scene, { state, picture, restore }) {
       if (!known.some(({ id }) => id === take.id)) known = [...known, take];
       setCurrent(take.id);
       list.scrollLeft = list.scrollWidth;
+      element.scrollIntoView({ block: "nearest", behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "instant" : "smooth" }); // below the view, of which it may be out of sight
       announce(t("{name} saved", { name: take.name }));
     } catch (error) {
       showError(t("The take was not saved"), error, { ofPage: true });

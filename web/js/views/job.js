@@ -136,7 +136,6 @@ function open(page, job, life) {
   const chip = stateChip(job.state);
   const judged = verdictChip();
   const line = progressBar(t("Progress"));
-  line.element.setAttribute("aria-hidden", "true"); // the panel's bar shows the same
   life.every(1000, progress.tick);
 
   // What most want of a finished picture; its tab has the formats.

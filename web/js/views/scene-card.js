@@ -1,5 +1,6 @@
 /** A scene's card on the front page. */
 
+import { examplePictures } from "../news/example-pictures.js";
 import { deleteScene, imageUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
 import { h, setFacts, setText } from "../base/dom.js";
 import { jobs, putScene, setHidden } from "../news/farm.js";
@@ -50,7 +51,7 @@ export function sceneCard(scene) {
       chip.update(next.status);
       chip.element.hidden = next.status === "ready";
       setFacts(facts, next.status === "ready" ? shortFacts(next) : []);
-      picture.update(next, renderedOf(next));
+      picture.update(next, renderedOf(next) ?? examplePictures.get(next.id));
     },
   };
 }

@@ -133,7 +133,7 @@ function preparing(page, scene, life) {
     setText(step, stepWords(next));
     bar.update(next.progress);
     steps.update(next);
-    view.update(next);
+    view.update(next, stepWords(next));
   };
 }
 
