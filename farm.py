@@ -129,10 +129,12 @@ def install(extras=(), begin=None):
             begin(python)
         return python
     begun = time.monotonic()
+    has_environment = is_usable(python)
     # In advance, since with PYTHONDONTWRITEBYTECODE each process would compile all modules again; and while a single process
-    # makes the environment.
-    sources = compile_modules(sys.executable, *(str(ROOT / name) for name in SOURCES))
-    if not is_usable(python):
+    # makes the environment, whose Python will be this one.
+    compiler = python if has_environment else sys.executable
+    sources = compile_modules(compiler, *(str(ROOT / name) for name in SOURCES))
+    if not has_environment:
         make_environment()
         known = []
     extras = sorted(set(extras) | (set(known[1:]) & set(FOR_BENCHMARKS)))

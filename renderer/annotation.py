@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import jit
-from renderer.arrays.kernel_variant import strip_absent_features
+from renderer.arrays.kernel_variant import moving_variant, strip_absent_features
 from renderer.arrays.rows import PART_OBJECT
 from renderer.arrays.scene import example
-from renderer.bvh.layout import INSTANCE, ROW_CHILD, ROW_PRIMITIVE
+from renderer.bvh.layout import INSTANCE, LEAF_KIND, ROW_CHILD, ROW_PRIMITIVE
 from renderer.bvh.traverse import new_stack
 from renderer.exposure import PixelTimes, pixel_times
 from renderer.kernel.annotation import (
@@ -74,7 +74,6 @@ I32 = npt.NDArray[np.int32]
 
 BEFORE, NOW, AFTER = range(3)  # times of `Annotation.places_at`: the previous, this and the next frame
 _TIMES = (np.float32(0.0), np.float32(0.5), np.float32(1.0))
-_MOVING = "moving"
 _KERNEL = "annotation"
 _ROWS = 16  # rows of pixels per part
 _ROUNDS = 40  # of an iteration
@@ -152,7 +151,7 @@ def annotate(
     """
     settings = _sharp(settings, scene)
     shape = settings.height, settings.width
-    prepared, camera = strip_absent_features(scene, _MOVING), camera_frame(settings)
+    prepared, camera = strip_absent_features(scene, moving_variant(scene)), camera_frame(settings)
     packed = Packed(prepared)
     when = pixel_times(settings, window)
     times = _frame_times(when, shape)
@@ -228,7 +227,7 @@ def flow_to(
     """
     here = _sharp(settings, scene)
     there = _sharp(replace(settings, view=other), scene)
-    prepared = Packed(strip_absent_features(scene, _MOVING))
+    prepared = Packed(strip_absent_features(scene, moving_variant(scene)))
     times = pixel_times(settings, window)
     shape = settings.height, settings.width
     now, then = found.places_at(NOW), found.places_at(when)
@@ -304,7 +303,7 @@ def _frame_times(when: PixelTimes, shape: tuple[int, int]) -> F32:
 def load_kernel() -> None:
     """Compiles or loads the kernels for annotation."""
     nothing = RenderSettings(1, 1, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
-    scene, camera = Packed(strip_absent_features(example(), _MOVING)), camera_frame(nothing)
+    scene, camera = Packed(strip_absent_features(example(), moving_variant(example()))), camera_frame(nothing)
     ids, counts = np.empty((0, 1, ID_COLUMNS), np.int32), np.empty((0, 1), np.int32)
     with jit.compiling(_KERNEL):
         arrays = np.empty((0, 1, 3), np.float32), np.empty((0, 1, 3, 4)), np.empty((0, 1, HIT_COLUMNS))
@@ -355,7 +354,7 @@ def _triangles_below(scene: CompiledScene, root: int) -> I32:
         filled = lanes[:, 0] <= lanes[:, 1]
         child = lanes[:, ROW_CHILD].view(np.int32)[filled]
         leaf = ~child[child < 0]
-        packets = scene.bvh.packet[leaf[leaf & INSTANCE == 0] >> 2]
+        packets = scene.bvh.packet[leaf[leaf & LEAF_KIND != INSTANCE] >> 2]
         leaves.append(packets[:, ROW_PRIMITIVE].view(np.int32)[~np.isnan(packets[:, 0])])
         nodes = child[child >= 0]
     return np.concatenate(leaves)

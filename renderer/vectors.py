@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import jit
-from renderer.arrays.kernel_variant import strip_absent_features
+from renderer.arrays.kernel_variant import moving_variant, strip_absent_features
 from renderer.arrays.scene import example
 from renderer.bvh.traverse import new_stack
 from renderer.kernel.camera import axes_of, camera_frame, distortion_row, extent_at_one
@@ -34,7 +34,6 @@ __all__ = ["border_angles", "load_kernel", "load_projection", "motion_vectors", 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 
-_MOVING = "moving"
 _KERNEL = "vectors"
 _ROWS = 16  # rows of pixels per part
 _MAX_OFFSET = 1e7  # pixels
@@ -55,7 +54,7 @@ def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int 
     settings = settings_relative_to_origin(settings, scene.origin)
     views = [settings.views[k] for k in (0, len(sharp) // 2, -1)] if sharp else [settings.view] * 3
     places = np.empty((settings.height, settings.width, 3, 4))
-    prepared, camera = Packed(strip_absent_features(scene, _MOVING)), camera_frame(settings)
+    prepared, camera = Packed(strip_absent_features(scene, moving_variant(scene))), camera_frame(settings)
 
     def trace_part(part: tuple[int, int]) -> None:
         trace_motion_points(prepared, new_stack(), camera, part[0], places[part[0] : part[1]])
@@ -75,7 +74,11 @@ def load_kernel() -> None:
     nothing = RenderSettings(1, 1, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
     with jit.compiling(_KERNEL):
         trace_motion_points(
-            Packed(strip_absent_features(example(), _MOVING)), new_stack(), camera_frame(nothing), 0, np.empty((0, 1, 3, 4))
+            Packed(strip_absent_features(example(), moving_variant(example()))),
+            new_stack(),
+            camera_frame(nothing),
+            0,
+            np.empty((0, 1, 3, 4)),
         )
         load_projection()
 

@@ -103,7 +103,7 @@ def _print_all(farm: Client, job: Job, as_json: bool) -> None:
     for row in rows:
         if row["reply_to"] is None:
             where = _where(row, job)
-            done = f", resolved by {row['resolved_by']}" if row["resolved"] else ""
+            done = f", resolved by {_named(row['resolved_by'], row.get('resolved_guest', False))}" if row["resolved"] else ""
             _print(f"{row['id']}  {where}  {_named(row['author'], row['guest'])}, {_moment(row['created'])}{done}")
             _print(row["text"], 2)
             for answer in rows:

@@ -66,7 +66,7 @@ def _compiler() -> Finding:
 
 
 def _cards() -> Iterator[Finding]:
-    """Checks the graphics cards: a driver that could be better is a note, a card that cannot render is as it is."""
+    """Lists the graphics cards: a fault of the driver is a note, since a newer driver mends it; an unsuitable card is not."""
     from renderer.cuda.cards import NOT_YET_TRIED, described, find_cards, has_nvidia_hardware
 
     cards = find_cards()

@@ -12,7 +12,7 @@ from renderer.arrays.scene import CompiledScene
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.bvh.layout import RAY_KINDS
 
-__all__ = ["strip_absent_features", "variant_of"]
+__all__ = ["moving_variant", "strip_absent_features", "variant_of"]
 
 _TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANSPARENT
 _HIDDEN = rows.LAMP | rows.UNSEEN | rows.SHADELESS | rows.FACING
@@ -53,6 +53,13 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
     return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))
 
 
+def moving_variant(scene: CompiledScene) -> str:
+    """Returns the variant for kernels that only need what rays hit, at any time: with curves if the scene may have some."""
+    if rows.HUANG in scene.material_kind:
+        return "moving-huang"
+    return "moving-hair" if rows.HAIR in scene.material_kind else "moving"
+
+
 def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = False, paths: bool = False) -> CompiledScene:
     """Returns the scene as the variant's kernels expect it: with None for every array of a feature that the variant lacks.
 
@@ -61,7 +68,7 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
     """
     requested = {"groups": groups, "light_paths": paths, "by_light": groups or paths}
     has = KERNEL_VARIANTS[variant]._replace(**{name: True if wanted else None for name, wanted in requested.items()})
-    bvh = scene.bvh._replace(instances=has.instances)
+    bvh = scene.bvh._replace(instances=has.instances, curves=has.hair)
     if has.textures is None:
         bvh = bvh._replace(ray_roots=_NOTHING)
     if has.targets is None:

@@ -48,7 +48,7 @@ KINDS = (
     Kind(INTERFACE, "interface", "none"),
     Kind(LAYERED, "layered", "rare", "layers", in_files=False, faceted=True, model="layered"),
     Kind(MEDIUM, "medium", "medium", "media", in_files=False),  # for vertices within a medium
-    Kind(HUANG, "huang", "rare", "huang", in_files=False, faceted=True, model="hair of facets"),  # hair with model: huang
+    Kind(HUANG, "huang", "rare", "huang", in_files=False, faceted=True, model="huang-hair"),  # hair with model: huang
 )
 RARE_KINDS = sum(1 << kind.number for kind in KINDS if kind.stage == "rare")  # kinds shaded one path at a time
 

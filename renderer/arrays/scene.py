@@ -17,6 +17,8 @@ from renderer.arrays.rows import (
     ABOVE,
     COLUMNS,
     ENCODING,
+    HAIR,
+    HUANG,
     LIGHT_ROOT_BIT,
     LINEAR_16,
     MEDIUM_COLUMNS,
@@ -34,7 +36,19 @@ from renderer.arrays.rows import (
 )
 from renderer.arrays.scene_features import EVERYTHING, SceneFeatures
 from renderer.arrays.spectrum import GIVEN_COLUMNS
-from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NEVER, NODE_ROWS, PACKET_ROWS, RAY_KINDS, ROW_CHILD, WIDTH, Bvh
+from renderer.bvh.layout import (
+    CURVES,
+    INSTANCE,
+    KEY_COLUMNS,
+    LEAF_KIND,
+    NEVER,
+    NODE_ROWS,
+    PACKET_ROWS,
+    RAY_KINDS,
+    ROW_CHILD,
+    WIDTH,
+    Bvh,
+)
 from renderer.errors import SceneError
 
 __all__ = ["LAYOUT", "CompiledScene", "check", "example", "flat", "nested", "seal"]
@@ -61,8 +75,9 @@ class CompiledScene(NamedTuple):
     uv: Array  # (V, 2) f32, or no rows without textures
     uv1: Array  # (V, 2) f32, or no rows if no texture uses the second set
     color: Array  # (V, 4) f32 RGBA 0..1, or no rows without vertex colours
-    tangent: Array  # (V, 4) f32 unit and the bitangent's sign; zeros if unused, or no rows if no material needs them
-    triangle: Array  # (T, 4) i32: three vertices, and the part
+    # (V, 4) f32: unit and the bitangent's sign, times the diameter of fibres; zeros if unused, or no rows if none are needed
+    tangent: Array
+    triangle: Array  # (T, 4) i32: three vertices, and the part; (a, b, b) is a segment of a curve (renderer/bvh/curves.py)
     part: Array  # (P, 3) i32: PART_MATERIAL, PART_OBJECT (scene/object_ids.py; counts of an instance), PART_SHINES
     triangle_light: Array  # (T,) i32: its light, or -1; no rows if no part emits
     sphere: Array  # (S, 4) f32: centre, radius
@@ -375,9 +390,13 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         raise SceneError("the number of media is 0 or exceeds the limit of a path")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     leaves = ~children[children < 0]
-    beyond = np.where(leaves & INSTANCE, lengths["I"], lengths["C"])
+    beyond = np.where(leaves & LEAF_KIND == INSTANCE, lengths["I"], lengths["C"])
     if int(children.max(initial=0)) >= lengths["N"] or not (leaves >> 2 < beyond).all():
         raise SceneError("the BVH points outside its nodes")
+    if (leaves & LEAF_KIND == CURVES).any() and not (
+        np.isin(arrays["material_kind"], (HAIR, HUANG)).any() and len(arrays["tangent"])
+    ):
+        raise SceneError("the BVH has curves, which only scenes with hair and tangents may have")
     numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
     if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:
         raise SceneError("the BVH refers to a missing primitive")
@@ -409,7 +428,7 @@ def _check_motion(arrays: dict[str, Array], lengths: dict[str, int]) -> None:
         raise SceneError("an instance has fewer keys than declared")
     start, keys = (int(number) for number in arrays["bvh.keyed_packets"])
     leaf = ~arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
-    number = leaf[(leaf >= 0) & (leaf & INSTANCE == 0)] >> 2
+    number = leaf[(leaf >= 0) & (leaf & LEAF_KIND != INSTANCE)] >> 2
     if start < lengths["C"] and not (keys >= 2 and int(number.max(initial=0)) + keys <= lengths["C"]):
         raise SceneError("a packet has fewer keys than declared")
     moving = lengths["D"] + lengths["Z"]

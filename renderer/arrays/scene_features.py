@@ -24,7 +24,7 @@ class SceneFeatures(NamedTuple):
     pivots: Any  # small lamps in scattering media (renderer/kernel/medium/equiangular.py)
     grids: Any  # heterogeneous media (renderer/kernel/medium/volume.py)
     links: Any  # lights that illuminate some objects only (renderer/kernel/light/links.py)
-    hair: Any  # the hair BSDF, and tubes that are its fibres
+    hair: Any  # the hair BSDF, and curves and tubes that are its fibres
     groups: Any  # planes by light group, which settings request (RenderSettings.light_groups); in no variant by itself
     light_paths: Any = None  # planes by light path, likewise (RenderSettings.light_paths)
     by_light: Any = None  # either

@@ -1,8 +1,9 @@
 """Bounding boxes in the builder's layout: rows of eight float32, (-lower x y z, n, upper x y z, -n).
 
 One 8-lane maximum extends a box by another, and updates the largest and the smallest primitive number n in it. From these follow
-the kinds of primitives it contains, since triangles are numbered first, then spheres, then instances. Numbers are stored as the
-bits of floats from 1 up, which preserves their order and avoids denormal numbers, which are slow on some processors.
+the kinds of primitives it contains, since triangles are numbered first, then curve segments, spheres and instances. Numbers are
+stored as the bits of floats from 1 up, which preserves their order and avoids denormal numbers: these are slow on some
+processors.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.layout import INSTANCE, SPHERES, TRIANGLES
+from renderer.bvh.layout import CURVES, INSTANCE, SPHERES, TRIANGLES
 from renderer.bvh.simd import extract, load, load_int, splat, store, store_int
 from renderer.bvh.simd_builder import store_maximum, swapped
 from renderer.jit import device
@@ -106,23 +107,25 @@ def number_of(box, i):
 
 
 @device
-def _kind(number, triangles, solids):
-    return TRIANGLES if number < triangles else (SPHERES if number < solids else INSTANCE)
+def _kind(number, curves, triangles, solids):
+    if number < triangles:
+        return TRIANGLES if number < curves else CURVES
+    return SPHERES if number < solids else INSTANCE
 
 
 @device
-def first_kind(box, i, triangles, solids):
-    """Returns the lowest kind of primitive in box i: TRIANGLES, SPHERES or INSTANCE.
+def first_kind(box, i, curves, triangles, solids):
+    """Returns the kind of the primitive of lowest number in box i: TRIANGLES, CURVES, SPHERES or INSTANCE.
 
-    triangles, solids: the first primitive number of a sphere, and of an instance.
+    curves, triangles, solids: the first primitive number of a curve segment, of a sphere, and of an instance.
     """
-    return _kind((load_int(box, np.uintp(i * 8 + _MINUS_NUMBER)) ^ _SIGN) - _ONE_BITS, triangles, solids)
+    return _kind((load_int(box, np.uintp(i * 8 + _MINUS_NUMBER)) ^ _SIGN) - _ONE_BITS, curves, triangles, solids)
 
 
 @device
-def last_kind(box, i, triangles, solids):
-    """Returns the highest kind of primitive in box i; see `first_kind`."""
-    return _kind(number_of(box, i), triangles, solids)
+def last_kind(box, i, curves, triangles, solids):
+    """Returns the kind of the primitive of highest number in box i; see `first_kind`."""
+    return _kind(number_of(box, i), curves, triangles, solids)
 
 
 @device

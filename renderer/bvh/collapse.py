@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from renderer.bvh.boxes import half_area
 from renderer.bvh.layout import (
+    CURVES,
     INSTANCE,
     MAX_LEVELS,
     NODE_ROWS,
@@ -39,12 +40,15 @@ Array = npt.NDArray[Any]
 
 
 class Shapes(NamedTuple):
-    """The triangles and spheres whose coordinates are copied into packets."""
+    """The triangles, curve segments and spheres whose coordinates are copied into packets."""
 
     position: Array  # (V, 3) f32
-    triangle: Array  # (T, 3) i32
+    triangle: Array  # (T, 3) i32, those that are curve segments last
     sphere: Array  # (S, 4) f32
     first_sphere: int  # the first sphere's primitive number
+    first_curve: int  # the first curve segment among the triangles
+    radius: Array  # (V,) f32 of curves at their vertices, or no rows
+    ends: Array  # (c, 3) f32: the last three numbers of each curve segment (`segment_ends` of curve_ends.py), or no rows
 
 
 def collapse_all(binary: BinaryTree, shapes: Shapes, team: Team) -> tuple[Array, Array]:
@@ -145,7 +149,14 @@ def _fill_packet(packet, p, order, first, count, shapes):
     for lane in range(count):
         primitive = order[first + lane]
         number = primitive
-        if primitive < triangles:
+        if primitive < triangles and primitive >= shapes.first_curve:
+            for k in range(3):
+                packet[p, 6 + k, lane] = shapes.ends[primitive - shapes.first_curve, k]
+            for corner in range(2):
+                vertex = shapes.triangle[primitive, corner]
+                for k in range(3):
+                    packet[p, 3 * corner + k, lane] = shapes.position[vertex, k]
+        elif primitive < triangles:
             for corner in range(3):
                 vertex = shapes.triangle[primitive, corner]
                 for k in range(3):
@@ -199,6 +210,9 @@ def _collapse_subtree(binary, shapes, root, wide_root, least, first_node, first_
                 child = ~(4 * (binary.order[first] - solids) + INSTANCE)
             else:
                 _fill_packet(packet, packets, binary.order, first, binary.tree[member, 2], shapes)
-                child = ~(4 * packets + (TRIANGLES if binary.order[first] < triangles else SPHERES))
+                kind = SPHERES
+                if binary.order[first] < triangles:
+                    kind = TRIANGLES if binary.order[first] < shapes.first_curve else CURVES
+                child = ~(4 * packets + kind)
                 packets += 1
             store_int(node, np.uintp(wide * NODE_SIZE + ROW_CHILD * WIDTH + lane), np.int32(child))

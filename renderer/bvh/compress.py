@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.compressed_tree import KEYED, LEAF_NUMBERS, NODE_WORDS, STACK_DEPTH, CompressedTree
-from renderer.bvh.layout import INSTANCE, MAX_LEVELS, NEVER, ROW_CHILD, ROW_PRIMITIVE, SPHERES, WIDTH, Bvh
+from renderer.bvh.layout import CURVES, INSTANCE, LEAF_KIND, MAX_LEVELS, NEVER, ROW_CHILD, ROW_PRIMITIVE, SPHERES, WIDTH, Bvh
 from renderer.errors import SceneError
 from renderer.jit import device, entry
 from renderer.threads import Team, parts_of
@@ -159,7 +159,7 @@ def _list_reachable_nodes(source, roots, plan, stack, depth):
                         stack[top, 0], stack[top, 1] = child, level + 1
                         top += 1
                     continue
-                if ~child & INSTANCE:
+                if ~child & LEAF_KIND == INSTANCE:
                     own += 1
                     continue
                 number = ~child >> 2
@@ -192,7 +192,7 @@ def _fill_nodes(source, plan, first, end, target, scratch):
                 continue
             child = source.node_bits[this, ROW_CHILD, lane]
             scratch.is_inner[count] = child >= 0
-            if child < 0 and (~child & INSTANCE) == 0:
+            if child < 0 and ~child & LEAF_KIND != INSTANCE:
                 primitives = _count_primitives(source.packet, ~child >> 2)
                 if primitives == 0:
                     continue
@@ -214,7 +214,7 @@ def _fill_nodes(source, plan, first, end, target, scratch):
             if scratch.is_inner[i]:
                 target.below[at, below] = child
                 below += 1
-            elif ~child & INSTANCE:
+            elif ~child & LEAF_KIND == INSTANCE:
                 _put_instance(target, first_leaf, ~child >> 2)
                 first_leaf += 1
             else:
@@ -309,7 +309,7 @@ def _put_corners(source, target, row, number, lane):
     for corner in range(3):
         for k in range(3):
             value = source.packet[number, 3 * corner + k, lane]
-            target.leaf[row, 4 * corner + k] = value if value == value else np.float32(0.0)  # spheres have four numbers
+            target.leaf[row, 4 * corner + k] = value if value == value else np.float32(0.0)  # NaN where a kind has fewer numbers
         target.bits[row, 4 * corner + 3] = 0
 
 
@@ -323,6 +323,10 @@ def _bound_primitive(source, number, lane, kind, box, i):
             if kind == SPHERES:
                 centre, radius = source.packet[version, k, lane], abs(source.packet[version, 3, lane])
                 low, high = min(low, centre - radius), max(high, centre + radius)
+            elif kind == CURVES:
+                a, b = source.packet[version, k, lane], source.packet[version, 3 + k, lane]
+                first, last = abs(source.packet[version, 6, lane]), abs(source.packet[version, 7, lane])
+                low, high = min(low, min(a - first, b - last)), max(high, max(a + first, b + last))
             else:
                 a, b = source.packet[version, k, lane], source.packet[version, 3 + k, lane]
                 c = source.packet[version, 6 + k, lane]

@@ -18,9 +18,10 @@ from numba.core import types
 from numba.extending import intrinsic
 
 from renderer.bvh.compressed_tree import KEYED, LEAF_NUMBERS, NODE_WORDS
+from renderer.bvh.curves import curve_hit, intersect_curve
 from renderer.bvh.hit import NO_PRIMITIVE, Hit, skip_limit
 from renderer.bvh.instance_space import ray_to_instance
-from renderer.bvh.layout import INSTANCE, SPHERES
+from renderer.bvh.layout import CURVES, INSTANCE, LEAF_KIND, SPHERES
 from renderer.bvh.motion import step_at
 from renderer.bvh.node_test import WORLD
 from renderer.bvh.packet import intersect_corners, sphere_roots
@@ -279,6 +280,18 @@ def _intersect_sphere(a, radius, o, d, number, t_max, after, limit):
     return less(_ZERO, t) & less(t, t_max), t
 
 
+@device
+def _intersect_curve(a, b, rest, o, d, number, t_max, after, limit):
+    """Intersects a ray with a curve segment; returns (whether there is a hit, its distance, u, v)."""
+    first, last = (a[0] - o[0], a[1] - o[1], a[2] - o[2]), (b[0] - o[0], b[1] - o[1], b[2] - o[2])
+    hit, t, s, h = intersect_curve(first, last, *rest, d)
+    u, v = curve_hit(s, h)
+    hit = hit & less(_ZERO, t) & less(t, t_max)
+    if after is not None:
+        hit = hit & _is_beyond(after, limit, t, number)
+    return hit, t, u, v
+
+
 @subroutine
 def _trace(bvh, stack, o, d, t_max, time, root, after, facing, shadow):
     """Returns the closest Hit; with `shadow`, not None, any hit, without its distance and coordinates."""
@@ -323,7 +336,10 @@ def _trace(bvh, stack, o, d, t_max, time, root, after, facing, shadow):
                 reach = t
                 if shadow is None:
                     reach = t * MORE
-                if kind & SPHERES:
+                if bvh.curves is not None and (kind & LEAF_KIND) == CURVES:
+                    hit, distance, beta, gamma = _intersect_curve(a, b, c, ray.o, ray.d, number, reach, after, ray.limit)
+                    determinant = _ONE
+                elif kind & SPHERES:
                     hit, distance = _intersect_sphere(a, b[0], ray.o, ray.d, number, reach, after, ray.limit)
                     beta, gamma, determinant = _ZERO, _ZERO, _ONE
                 else:

@@ -12,9 +12,10 @@ After Ylitie, Karras & Laine, "Efficient Incoherent Ray Traversal on GPUs Throug
     leaf  (L, 12) f32  a leaf's 48 bytes, four numbers for each corner of a triangle:
                          a.x a.y a.z primitive   b.x b.y b.z kind   c.x c.y c.z keys
                          spheres: x y z primitive   radius 0 0 kind   0 0 0 keys
+                         curves: a.x a.y a.z primitive   b.x b.y b.z kind   radius at a, at b, reach   keys
                          instances: 0 0 0 instance   0 0 0 kind   ...
 
-`primitive`, `kind`, `keys` and `instance` are int32, stored bit for bit. `kind` is TRIANGLES, SPHERES or INSTANCE of
+`primitive`, `kind`, `keys` and `instance` are int32, stored bit for bit. `kind` is TRIANGLES, SPHERES, INSTANCE or CURVES of
 renderer/bvh/layout.py, plus KEYED for primitives with motion keys: those are stored in consecutive rows of `leaf`, from the row
 `keys` on. The children in a node's slots are consecutive in the order of the slots. Slots are assigned so that a ray along
 the positive axes visits slot 0 first (bit k of a slot: the upper half along axis k). Node 0 is the world's root.

@@ -1,12 +1,13 @@
 """The arrays of a built BVH, shared by the builder and the traversal.
 
 An 8-wide tree. A node stores its eight children's boxes lane by lane, so that a ray is tested against all eight in a few
-instructions. A leaf is one packet of up to eight triangles or up to eight spheres, also stored lane by lane, or one instance.
+instructions. A leaf is one packet of up to eight triangles, spheres or curve segments, also stored lane by lane, or one instance.
 There may be unreferenced nodes and packets between the others.
 
     node           (N, 7, 8) f32   rows: x lower, x upper, y lower, y upper, z lower, z upper, child
     packet         (P, 10, 8) f32  triangles, rows: a.x a.y a.z  b.x b.y b.z  c.x c.y c.z  primitive
                                    spheres, rows:   x y z radius, five rows unused,        primitive
+                                   curves, rows:    a.x a.y a.z  b.x b.y b.z  radius at a, at b, reach,  primitive
     instance_root  (I,) i32        the root node of each instance's tree
     to_local       (I, 3, 4) f64   from world space to the instance's space: a matrix and, last column, a translation
     motion           (R, 18) f64   keys of instances that move while the shutter is open (motion.py); replaces their to_local
@@ -17,14 +18,18 @@ There may be unreferenced nodes and packets between the others.
                                    (RAY_KINDS), then one for the shadow rays of each shadow link
 
 `child` and `primitive` are int32, stored bit for bit in float32 cells. A child >= 0 is a node; a leaf is ~(4 p) for the
-triangle packet p, ~(4 p + 1) for the sphere packet p, ~(4 i + 2) for the instance i. Node 0 is the world's root. A lane
+triangle packet p, ~(4 p + 1) for the sphere packet p, ~(4 i + 2) for the instance i, ~(4 p + 3) for the packet p of curve
+segments. Node 0 is the world's root. A lane
 without a child has an empty box (lower +inf, upper -inf); a lane without a primitive has NaN in all its cells. A
-primitive's number is its triangle's index, or the number of triangles + its sphere's index.
+primitive's number is its triangle's index, or the number of triangles + its sphere's index. A curve segment is a row of the
+triangles whose second and third vertex are the same: it extends from the first to the second (renderer/bvh/curves.py, where the
+sign of a radius and the reach are explained).
 
 A packet with K keys is stored as K consecutive packets, and its leaf refers to the first. Vertices are interpolated linearly
 between two keys. Packets with keys belong to the world's tree, and come last. Boxes bound the whole motion.
 
-Instances form exactly two levels. Several instances share one tree, which is in its own space and contains triangles only.
+Instances form exactly two levels. Several instances share one tree, which is in its own space and contains triangles and curves
+only.
 """
 
 from __future__ import annotations
@@ -35,8 +40,10 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
+    "CURVES",
     "INSTANCE",
     "KEY_COLUMNS",
+    "LEAF_KIND",
     "MAX_LEVELS",
     "NEVER",
     "NODE_ROWS",
@@ -64,7 +71,8 @@ PACKET_SIZE = PACKET_ROWS * WIDTH
 KEY_COLUMNS = 18  # of `motion`: motion.py
 NEVER = 2**31 - 1  # an invalid packet number
 PAGE = 4096  # bytes: alignment of parts of arrays, so that files of them can be mapped consecutively
-TRIANGLES, SPHERES, INSTANCE = 0, 1, 2  # the kinds of leaves
+TRIANGLES, SPHERES, INSTANCE, CURVES = range(4)  # the kinds of leaves
+LEAF_KIND = 3  # mask of the kind in the number of a leaf
 RAY_KINDS = ("camera", "shadow", "diffuse", "glossy", "transmission", "volume")  # a ray's kind is an index
 
 # The builder splits in halves below depth 40, so no tree over 2**31 primitives is deeper than 40 + 31 - 3 levels; each pushes
@@ -86,4 +94,5 @@ class Bvh(NamedTuple):
     keyed_packets: npt.NDArray[Any] = np.array([NEVER, 1], np.int32)  # (2,) i32
     ray_roots: npt.NDArray[Any] = np.zeros(2, np.int32)  # (2 or more,) i32; None: all rays start at node 0
     instances: Any = True  # None: the kernel has no instances (renderer/arrays/scene_features.py)
+    curves: Any = None  # True: the kernel intersects curve segments; likewise
     compressed: Any = None  # a CompressedTree (compressed_tree.py) in place of `node` and `packet`, on graphics cards

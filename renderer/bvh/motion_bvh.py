@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.build import tree_over
-from renderer.bvh.layout import ROW_CHILD, ROW_PRIMITIVE
+from renderer.bvh.build import NO_RADIUS, tree_over
+from renderer.bvh.curve_ends import segment_ends
+from renderer.bvh.layout import CURVES, LEAF_KIND, ROW_CHILD, ROW_PRIMITIVE
 from renderer.bvh.motion import ANGLE, PLACE, POINT, STRETCH, TURN
 from renderer.threads import Team
 
@@ -23,14 +24,16 @@ _SLACK = 2.0**-20
 _SYMMETRIC = STRETCH + np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 
 
-def keyed_tree(position: Array, triangle: Array, sphere: Array, first_sphere: int, team: Team) -> tuple[Array, Array]:
+def keyed_tree(
+    position: Array, triangle: Array, sphere: Array, first_sphere: int, team: Team, radius: Array = NO_RADIUS
+) -> tuple[Array, Array]:
     """Returns the nodes and packets of a tree over vertices that move linearly between K keys. Each packet is stored K times.
 
     position: (K, V, 3) f32. triangle: (T, 3) i32, rows of a key's positions. sphere: (K, S, 4) f32. Primitives are numbered as in
-    `renderer.bvh.build.build`.
+    `renderer.bvh.build.build`. radius: (V,) f32 of curves, which does not change, or no rows.
     """
     keys = len(sphere)
-    node, packet = tree_over(position, triangle, sphere, first_sphere, team)
+    node, packet = tree_over(position, triangle, sphere, first_sphere, team, radius)
     number = packet[:, ROW_PRIMITIVE].view(np.int32)
     there = ~np.isnan(packet[:, 0])
     many = np.repeat(packet, keys, axis=0).reshape(len(packet), keys, *packet.shape[1:])
@@ -45,6 +48,14 @@ def keyed_tree(position: Array, triangle: Array, sphere: Array, first_sphere: in
     child = node[:, ROW_CHILD].view(np.int32)
     leaves = (child < 0) & (node[:, 0] <= node[:, 1])
     leaf = ~child[leaves]
+    if len(curved := leaf[leaf & LEAF_KIND == CURVES] >> 2):
+        is_segment = np.flatnonzero((triangle[:, 1] == triangle[:, 2]) & (triangle[:, 0] != triangle[:, 1]))
+        row = np.zeros(len(triangle), np.int64)
+        row[is_segment] = np.arange(len(is_segment))
+        which, lane = np.nonzero(there[curved])
+        for k in range(keys):  # in place of third corners
+            ends = segment_ends(position[k], triangle[is_segment, :2], radius)
+            many[curved[which], k, 6:9, lane] = ends[row[number[curved[which], lane]]]
     child[leaves] = ~((leaf >> 2) * (4 * keys) + (leaf & 3))
     return node, many.reshape(-1, *packet.shape[1:])
 

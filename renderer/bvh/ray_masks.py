@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.layout import INSTANCE, NEVER, ROW_CHILD, ROW_PRIMITIVE, Bvh
+from renderer.bvh.layout import INSTANCE, LEAF_KIND, NEVER, ROW_CHILD, ROW_PRIMITIVE, Bvh
 from renderer.bvh.subtrees import NODE_BYTES, PACKET_BYTES, AssembledBvh, padded
 
 __all__ = ["exclude_primitives"]
@@ -101,7 +101,7 @@ def _copy_without(
     is_out = ~np.isnan(bvh.packet[:, 0])
     is_out[is_out] = left_out[number[is_out]]
     changes = np.any(is_out, axis=1)
-    is_leaf = there & (child < 0) & (~child & INSTANCE == 0)
+    is_leaf = there & (child < 0) & (~child & LEAF_KIND != INSTANCE)
     is_hidden = there & (child < 0) & ~is_leaf
     is_hidden[is_hidden] = instances[~child[is_hidden] >> 2]
     has_changed = (is_hidden | is_leaf & changes[np.where(is_leaf, ~child >> 2, 0)]).any(axis=1)

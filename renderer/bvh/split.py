@@ -205,11 +205,11 @@ def partition(box, first, end, grid, axis, bin, spread, left, right):
 
 
 @device
-def _partition_by_kind(box, first, end, kind, triangles, solids):
+def _partition_by_kind(box, first, end, kind, curves, triangles, solids):
     """Partitions boxes by kind of primitive, the given kind to the left; returns the index where the other kinds begin."""
     middle = first
     for i in range(first, end):
-        if last_kind(box, i, triangles, solids) == kind:
+        if last_kind(box, i, curves, triangles, solids) == kind:
             exchange(box, i, middle)
             middle += 1
     return middle
@@ -235,7 +235,7 @@ def _copy_boxes(box, clusters, begin, end, local, spread, tree_box, node):
 
 
 @entry
-def split(box, clusters, parts, local, bins, spread, stack, triangles, solids, order, tree_box, tree):
+def split(box, clusters, parts, local, bins, spread, stack, curves, triangles, solids, order, tree_box, tree):
     """Splits parts of a tree (from clusters.py) until every leaf is a packet of one kind, or one instance.
 
     tree: rows of (left child or -1, first index in `order`, count); the right child follows the left. tree_box: the nodes' boxes.
@@ -263,22 +263,22 @@ def split(box, clusters, parts, local, bins, spread, stack, triangles, solids, o
                 set_up_bins(bins.grid, spread, top, used)
                 fill_bins(bins, local, first, end, used, solids, None)
                 plane = cheapest_plane(bins, used)
-            least = first_kind(tree_box, node, triangles, solids)
-            most = last_kind(tree_box, node, triangles, solids)
+            least = first_kind(tree_box, node, curves, triangles, solids)
+            most = last_kind(tree_box, node, curves, triangles, solids)
             fits = count <= _LEAF_SIZE and least == most and most != INSTANCE
             area = half_area(load(tree_box, np.uintp(node * 8)))
             if fits and (plane.axis < 0 or area * (_ONE - _NODE_COST) <= plane.cost):
                 continue
 
             right, left = top, top + 1  # on the stack: the left one is next
-            if least < most and count <= _LEAF_SIZE:
-                middle = _partition_by_kind(local, first, end, least, triangles, solids)
+            if least != most and count <= _LEAF_SIZE:
+                middle = _partition_by_kind(local, first, end, least, curves, triangles, solids)
             elif plane.axis >= 0:
                 bound_sides(bins, plane.axis, plane.bin, used, tree_box, rows)
                 middle = partition(local, first, end, bins.grid, plane.axis, plane.bin, spread, left, right)
             else:
                 middle = first + count // 2
-            if plane.axis < 0 or (least < most and count <= _LEAF_SIZE):
+            if plane.axis < 0 or (least != most and count <= _LEAF_SIZE):
                 for side in range(2):
                     bound(local, middle if side else first, end if side else middle, tree_box, rows + side, spread, left - side)
             tree[node, 0] = rows

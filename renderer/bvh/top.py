@@ -42,10 +42,11 @@ class BinaryTree(NamedTuple):
     order: npt.NDArray[np.int32]  # (N,)
 
 
-def build_binary_tree(box: F32, triangles: int, solids: int, team: Team) -> BinaryTree:
+def build_binary_tree(box: F32, curves: int, triangles: int, solids: int, team: Team) -> BinaryTree:
     """Builds the binary tree over the boxes of all primitives.
 
-    triangles, solids: the first primitive number of a sphere, and of an instance. team: the threads that build.
+    curves, triangles, solids: the first primitive number of a curve segment, of a sphere, and of an instance. team: the threads
+    that build.
     """
     count, part = len(box), part_size(len(box))
     binary = BinaryTree(
@@ -56,7 +57,8 @@ def build_binary_tree(box: F32, triangles: int, solids: int, team: Team) -> Bina
         clusters, parts = job
         room = np.empty((parts[:, 2].max(), 8), np.float32)
         spread, stack = np.empty((STACK, 8), np.float32), np.empty((STACK, 4), np.int64)
-        split(box, clusters, parts, room, new_bins(), spread, stack, triangles, solids, binary.order, binary.box, binary.tree)
+        kinds = curves, triangles, solids
+        split(box, clusters, parts, room, new_bins(), spread, stack, *kinds, binary.order, binary.box, binary.tree)
 
     jobs = [
         (clusters, some)

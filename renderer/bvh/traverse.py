@@ -17,11 +17,14 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.compressed_traversal import is_occluded_in_compressed, nearest_in_compressed
+from renderer.bvh.curves import intersect_curves
 from renderer.bvh.hit import FACING, FROM_ORIGIN, NO_PRIMITIVE, SHADOW_REACH, Hit, skip_limit
 from renderer.bvh.hit_keys import hit_keys, key_limit, keys_beyond, minimum_key, nearest
 from renderer.bvh.instance_space import ray_to_instance
 from renderer.bvh.layout import (
+    CURVES,
     INSTANCE,
+    LEAF_KIND,
     MAX_LEVELS,
     NODE_SIZE,
     PACKET_ROWS,
@@ -63,6 +66,7 @@ __all__ = [
     "camera_root",
     "closest_hit",
     "closest_in_instance",
+    "is_instance",
     "new_stack",
     "packet_address_at",
     "shadow_root",
@@ -140,24 +144,39 @@ def packet_address_at(bvh, leaf, stack, time):
 
 
 @device
-def _occludes(place, leaf, o, d, constants, t_max):
+def is_instance(bvh, leaf):
+    """Returns a non-zero number, or True, if a leaf is an instance."""
+    if bvh.curves is not None:
+        return (leaf & LEAF_KIND) == INSTANCE
+    return leaf & INSTANCE
+
+
+@device
+def _occludes(bvh, place, leaf, o, d, constants, t_max):
     """Returns True if a shadow ray hits any primitive of a leaf's packet before t_max.
 
     place: the packet's address. constants: those for packets, from `_prepare_ray`.
     """
     axes, shear, permuted, _ = constants
+    if bvh.curves is not None:  # noqa: SIM102 - decided by types
+        if (leaf & LEAF_KIND) == CURVES:
+            return bits(intersect_curves(place, o, d, t_max, None, None, None)[0]) != np.uint32(0)
     if leaf & SPHERES:
         return bits(intersect_spheres(place, o, d, t_max, None, None, None)[0]) != np.uint32(0)
     return bits(intersect_triangles(place, axes, shear, permuted, None, t_max)[0]) != np.uint32(0)
 
 
 @device
-def _intersect_packet(place, leaf, o, d, constants, t_max, after, limit, numbers):
+def _intersect_packet(bvh, place, leaf, o, d, constants, t_max, after, limit, numbers):
     """Intersects a ray with a leaf's packet at address `place`; returns (mask8, distance, u, v, determinant).
 
     Distance, u and v must still be divided by the determinant.
     """
     axes, shear, permuted, margin = constants
+    if bvh.curves is not None:  # noqa: SIM102 - decided by types
+        if (leaf & LEAF_KIND) == CURVES:
+            hit, t, u, v = intersect_curves(place, o, d, t_max, after, limit, numbers)
+            return hit, t, u, v, splat(_ONE)
     if leaf & SPHERES:
         hit, t = intersect_spheres(place, o, d, t_max, after, limit, numbers)
         return hit, t, splat(_ZERO), splat(_ZERO), splat(_ONE)
@@ -165,21 +184,21 @@ def _intersect_packet(place, leaf, o, d, constants, t_max, after, limit, numbers
 
 
 @device
-def _nearest_in_packet(packet, place, leaf, o, d, constants, found, tie, after, limit):
+def _nearest_in_packet(bvh, place, leaf, o, d, constants, found, tie, after, limit):
     """Intersects a ray with a leaf's packet; returns the nearer of `found` and the packet's nearest hit.
 
     found: (whether there is a hit, distance, primitive, u, v). tie: a hit at the same distance is nearer if its primitive's
     number is lower than this. after: as for `closest_hit`. limit: from `skip_limit`.
     """
-    numbers = load(packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES)
-    hit, t, b, c, determinant = _intersect_packet(place, leaf, o, d, constants, found[1] * MORE, after, limit, numbers)
+    numbers = load(bvh.packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES)
+    hit, t, b, c, determinant = _intersect_packet(bvh, place, leaf, o, d, constants, found[1] * MORE, after, limit, numbers)
     if bits(hit) != np.uint32(0):
         inverse = splat(_ONE) / determinant
         t = t * inverse
         if after is not None:
             hit = hit & is_beyond(after, limit, t, numbers)
         distance, lane = nearest(hit, t)  # NaN, if the mask is empty
-        primitive = primitive_of(packet, leaf, lane)
+        primitive = primitive_of(bvh.packet, leaf, lane)
         if is_nearer(distance, primitive, found[1], tie):
             found = _YES, distance, primitive, extract(b * inverse, lane), extract(c * inverse, lane)
     return found
@@ -251,9 +270,8 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, af
             keys, key = _intersect_children(bvh.node, base, slabs, t_min, found[1])
             continue
         tie = select(any_tie & (not found[0]), ANY_PRIMITIVE, found[2])
-        found = _nearest_in_packet(
-            bvh.packet, _packet_address(bvh.packet, ~child), ~child, o, d, constants, found, tie, after, limit
-        )
+        place = _packet_address(bvh.packet, ~child)
+        found = _nearest_in_packet(bvh, place, ~child, o, d, constants, found, tie, after, limit)
 
 
 @device
@@ -312,7 +330,7 @@ def _closest_hit(bvh, stack, o, d, t_max, time, root, after, facing):
             keys, key = _intersect_children(bvh.node, base, slabs, t_min, found[1])
             continue
         leaf = ~child
-        if bvh.instances is not None and leaf & INSTANCE:
+        if bvh.instances is not None and is_instance(bvh, leaf):
             nearer = closest_in_instance(bvh, stack, top, leaf >> 2, o, d, found[1], instance, time, after, facing)
             if nearer[1] != NO_PRIMITIVE:
                 found = _YES, nearer[0], nearer[1], nearer[2], nearer[3]
@@ -320,9 +338,8 @@ def _closest_hit(bvh, stack, o, d, t_max, time, root, after, facing):
         else:
             tie = tie_of(instance, found[2])
             start = _NO, found[1], found[2], found[3], found[4]
-            found = _nearest_in_packet(
-                bvh.packet, packet_address_at(bvh, leaf, stack, time), leaf, o, d, constants, start, tie, after, limit
-            )
+            place = packet_address_at(bvh, leaf, stack, time)
+            found = _nearest_in_packet(bvh, place, leaf, o, d, constants, start, tie, after, limit)
             if found[0]:
                 instance = WORLD
     return Hit(found[1], found[2], found[3], found[4], instance, time)
@@ -345,7 +362,7 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
             if child >= 0:
                 store_int(stack, top, child)
                 top += np.uintp(1)
-            elif _occludes(_packet_address(bvh.packet, ~child), ~child, o, d, constants, t_max):
+            elif _occludes(bvh, _packet_address(bvh.packet, ~child), ~child, o, d, constants, t_max):
                 return True
         if top == bottom:
             return False
@@ -377,10 +394,10 @@ def _any_hit(bvh, stack, o, d, t_max, time, root):
                 top += np.uintp(1)
                 continue
             leaf = ~child
-            if bvh.instances is not None and leaf & INSTANCE:
+            if bvh.instances is not None and is_instance(bvh, leaf):
                 if any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max, time):
                     return True
-            elif _occludes(packet_address_at(bvh, leaf, stack, time), leaf, o, d, constants, t_max):
+            elif _occludes(bvh, packet_address_at(bvh, leaf, stack, time), leaf, o, d, constants, t_max):
                 return True
         if top == np.uintp(0):
             return False

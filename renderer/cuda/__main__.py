@@ -1,6 +1,6 @@
 """`python -m renderer.cuda`: builds the PTX of kernel variants into the cache, without a GPU; prints each file's path.
 
-Those for pictures by wavelength and for guided paths are built with `--spectral` and `--guided` alone, else at their first use.
+The kernels for spectral pictures and guided paths are built only with `--spectral` or `--guided`, otherwise at their first use.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Trains the guide of an image from pilot paths: a function of the compiled scene and the settings, the same on every host.
 
-A few paths tell first whether light samples find light at most vertices: then portals are of no use, and `auto` renders without a
-guide. Else portals are learned in two rounds of paths, the second guided by the portals of the first. If they save enough of the
-second moments of further paths, they are the guide; otherwise it is one of histograms, of three rounds and photons.
+The first LOOK paths measure how often light samples find light. In a scene lit that way portals are of no use, and `auto` renders
+without a guide. Otherwise portals are learned in two rounds of paths, the second guided by the portals of the first. They are the
+guide if they reduce the second moments of further paths enough; if not, it is one of histograms, of three rounds and photons.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from renderer.settings import RenderSettings
 __all__ = ["train_guide", "warm_up_pilot", "with_guide"]
 
 ROUNDS = (1 << 16, 1 << 16, 1 << 17)  # camera paths of a guide of histograms
-PORTAL_ROUNDS = (1 << 15, 1 << 16, 1 << 13)  # of one of portals; the last tells whether they are of use
-LOOK = 1 << 12  # of the first round, which tell whether the scene is lit
+PORTAL_ROUNDS = (1 << 15, 1 << 16, 1 << 13)  # of one of portals; the last round tests them
+LOOK = 1 << 12  # of the first round, which test whether the scene is lit
 MOST_LIT = 0.25  # fraction of segments at whose end a light sample finds light; 0.02 behind a door that is ajar
 PHOTONS = 1 << 18
 # Fraction of the second moments. If more is left, `auto` renders without a guide, and `on` learns the share of each cell. If less

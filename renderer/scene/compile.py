@@ -16,6 +16,7 @@ from renderer.bvh.ray_masks import exclude_primitives
 from renderer.bvh.subtrees import AssembledBvh
 from renderer.kernel.light.punctual import SUN, SUN_UNSEEN
 from renderer.scene import motion_keys
+from renderer.scene.curve_meshes import with_tubes
 from renderer.scene.default_camera import frame
 from renderer.scene.description import I32, Camera, SceneDescription
 from renderer.scene.displacement.apply import displace
@@ -83,7 +84,7 @@ def compile_scene(
 
 def _compile(description: SceneDescription, say: Progress, brute: bool, team: Team, shot_cache: ShotCache) -> CompiledScene:
     say(Sentence("progress-placing-meshes", "placing meshes"), 0.0)
-    description = displace(description, shot_cache)
+    description = displace(with_tubes(description, shot_cache), shot_cache)
     origin = origin_of(description, shot_cache)
     whole, description = description, relative_to_origin(description, origin, shot_cache)
     stood = place_geometry(description, team, shot_cache)

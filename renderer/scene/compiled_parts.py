@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.arrays.scene import LAYOUT, CompiledScene, check, flat, nested
-from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, PAGE, ROW_CHILD, ROW_PRIMITIVE, WIDTH
+from renderer.bvh.layout import INSTANCE, LEAF_KIND, NODE_ROWS, PACKET_ROWS, PAGE, ROW_CHILD, ROW_PRIMITIVE, WIDTH
 from renderer.errors import SceneError
 from renderer.scene.frame_reuse import PartOffsets
 from renderer.sentences import Sentence
@@ -333,7 +333,7 @@ def _extremes(name: str, rows: Array) -> Array:
     children = rows[:, ROW_CHILD].view(np.int32)
     leaves = ~children[children < 0]
     found = np.zeros((1, NODE_ROWS, WIDTH), np.float32)
-    of_kinds = [int(leaves[(leaves & INSTANCE == 0) == is_packet].max(initial=0)) for is_packet in (True, False)]
+    of_kinds = [int(leaves[(leaves & LEAF_KIND != INSTANCE) == is_packet].max(initial=0)) for is_packet in (True, False)]
     worst = [int(children.max(initial=0)), *(~leaf for leaf in of_kinds if leaf)]
     found[0, ROW_CHILD].view(np.int32)[: len(worst)] = worst
     return found

@@ -158,7 +158,7 @@ class Material:
     reflection_catcher: bool = flag_parameter(kinds=SURFACES)
     """Before a transparent background the camera sees only what objects reflect onto it; with shadow_catcher both."""
     facing: bool = flag_parameter(kinds=SURFACES)
-    """A sphere's light is that of a disk through its middle which faces whoever looks: Cycles' soft falloff."""
+    """A sphere's light is that of a disk through its middle that faces the viewer: Cycles' soft falloff."""
     metallic: float = number(0.0, rows.METALLIC, gltf=_PBR + "metallicFactor", mtl="Pm")
     roughness: float | None = number(None, kinds=_ROUGH, gltf=_PBR + "roughnessFactor")
     """Unless given 0 for glass and conductors, 0.55 for hair with the model huang, and 1 for the rest."""
@@ -260,13 +260,13 @@ class Material:
     tilt: float = number(math.radians(2.0), None, -math.pi / 4, math.pi / 4, _HAIR, "degrees")  # radians here
     """By how many degrees the scales of hair are tilted towards its tip."""
     aspect_ratio: float = number(1.0, None, 0.05, 1.0, _HAIR)
-    """The width of a hair's cross-section, an ellipse, across its radius over that along it."""
+    """The minor over the major radius of a hair's cross-section, an ellipse."""
     r: float = number(1.0, kinds=_HAIR)
-    """A factor of the light that hair reflects at its surface, 1 for real hair."""
+    """Factor of the light reflected at the surface of hair, 1 for real hair."""
     tt: float = number(1.0, kinds=_HAIR)
-    """Of the light that crosses it."""
+    """Factor of the light that crosses the fibre."""
     trt: float = number(1.0, kinds=_HAIR)
-    """Of the light that is reflected inside."""
+    """Factor of the light reflected inside once or more often."""
     eumelanin: float = number(0.0, None, high=100.0, kinds=_HAIR)
     """The concentration of brown pigment, in place of a color: 1.3 is brown, 8 black."""
     pheomelanin: float = number(0.0, None, high=100.0, kinds=_HAIR)

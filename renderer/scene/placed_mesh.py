@@ -12,6 +12,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.kernel.mesh.faces import find_solid
 from renderer.kernel.mesh.vertices import place_normals, place_points
+from renderer.scene.curve_meshes import has_curves
 from renderer.scene.description import F32, I32, Mesh, SceneDescription
 from renderer.scene.kernel_arguments import read_only
 from renderer.scene.matrices import product
@@ -63,11 +64,14 @@ def placed(
     mirrors = bool(np.linalg.det(transform[:3, :3]) < 0)
     if mirrors:
         triangle = read_only(triangle[:, [0, 2, 1]])
+    curves = has_curves(mesh)
     solid = np.empty(len(triangle), bool)
     with_area = team.each(lambda part: find_solid(position, triangle, *part, solid), parts_of(0, len(triangle), PART))
-    dropped = 0 if whole else len(triangle) - sum(with_area)
+    dropped = 0 if whole or curves else len(triangle) - sum(with_area)
     if dropped:
         triangle = np.ascontiguousarray(triangle[solid])
+    elif whole and not curves:
+        triangle = _without_segments(triangle)
     # Each vertex's index in the mesh, so that attributes can be copied when vertices are split.
     vertex: slice | npt.NDArray[np.int64] = slice(None)
     if mesh.normals is None:  # flat: no vertex is shared, each has its face's normal
@@ -89,6 +93,8 @@ def placed(
         tangent = vertex_tangents(position[vertex], normal, uv[kept], triangle)
     if any(material.kind == "hair" for material in bent):
         tangent[:, 3] *= _placed_diameters(mesh, transform)[vertex]
+    if curves:  # mirrored instances flip the sign; here, curves themselves are mirrored
+        tangent[:, 3] = np.abs(tangent[:, 3])
     none = np.zeros((0, 4), np.float32)
     return Placed(
         position[vertex],
@@ -121,6 +127,16 @@ def with_keys(found: Placed, mesh: Mesh, transforms: Sequence[npt.NDArray[np.flo
             triangle = read_only(mesh.triangles.astype(np.int32, copy=False))
             key[1] = _placed_normals(normals, place, position, triangle, team)[found.vertex]
     return found._replace(keys=keys)
+
+
+def _without_segments(triangle: I32) -> I32:
+    """Returns the triangles with corners (b, b, b) in place of (a, b, b), which would be a segment of a curve."""
+    segments = (triangle[:, 1] == triangle[:, 2]) & (triangle[:, 0] != triangle[:, 1])
+    if not segments.any():
+        return triangle
+    triangle = triangle.copy()
+    triangle[segments, 0] = triangle[segments, 1]
+    return triangle
 
 
 def _unit(face: npt.NDArray[np.float64]) -> F32:

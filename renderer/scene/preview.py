@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.image.tonemap import decode_srgb, encode_srgb
+from renderer.scene.curve_meshes import has_curves, round_tubes
 from renderer.scene.description import Image, Instance, Material, Mesh, SceneDescription, Texture
 from renderer.scene.studio import STUDIO
 
@@ -58,6 +59,8 @@ def preview(
 
     textured_vertices: limit up to which the vertices of textured meshes, whose colours are per vertex, are subdivided.
     """
+    meshes = [_tubes_of_some(mesh, max_triangles) if has_curves(mesh) else mesh for mesh in description.meshes]
+    description = replace(description, meshes=meshes)
     shown = description.instances if description.subject is None else description.instances[:-1]  # without the studio's floor
     used = [each for each in shown if len(description.meshes[each.mesh].triangles)]
     used = used[:: -(-len(used) // MOST_INSTANCES) or 1]
@@ -83,6 +86,12 @@ def preview(
     parts += _spheres(description)
     joined = _joined(parts)
     return joined and joined._replace(background=_background(description))
+
+
+def _tubes_of_some(mesh: Mesh, most: int) -> Mesh:
+    """Returns a mesh of curves as tubes of three sides, of every n-th segment, so that they have at most `most` triangles."""
+    step = -(-len(mesh.triangles) * 6 // most) or 1
+    return round_tubes(replace(mesh, triangles=mesh.triangles[::step]), 3)
 
 
 def _material(description: SceneDescription, instance: Instance) -> tuple[int, Material]:

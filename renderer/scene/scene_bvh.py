@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.build import build, tree_of
+from renderer.bvh.build import NO_RADIUS, build, tree_of
 from renderer.bvh.instances import Instances
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.bvh.motion_bvh import keyed_tree
 from renderer.bvh.subtrees import AssembledBvh, Tree, assemble_bvh
 from renderer.scene.description import F32
 from renderer.scene.frame_reuse import ShotCache
-from renderer.scene.geometry import Placement, Section
+from renderer.scene.geometry import Geometry, Placement, Section
 from renderer.threads import Team
 
 __all__ = ["build_scene_bvh"]
@@ -53,11 +53,11 @@ def build_scene_bvh(
         if placement.still:
             ends = [still.world, *(end for _, end in still.trees)]
             instances = Instances(np.array(ends), placement.group[: placement.still], places)
-        geometry = still.geometry
+        geometry, radius = still.geometry, curve_radius(still.geometry)
         if moves and not (len(geometry.triangle) or still_spheres):
             return Bvh(*_NO_TREE, np.zeros(0, np.int32), np.zeros((0, 3, 4)))
         whole = brute and not moves
-        return build(geometry.position, geometry.triangle, sphere[:still_spheres], instances, whole, team, triangles)
+        return build(geometry.position, geometry.triangle, sphere[:still_spheres], instances, whole, team, triangles, radius)
 
     spheres = sphere[:still_spheres]
     shown = placement.to_world[: placement.still]
@@ -76,9 +76,10 @@ def build_scene_bvh(
             shapes, balls = loose.geometry.keys[:, 0], sphere_keys
             shapes = shapes if len(shapes) else np.zeros((loose_keys, 0, 3), np.float32)
             balls = balls if len(balls) else np.zeros((loose_keys, 0, 4), np.float32)
-            lax = keyed_tree(shapes, loose.geometry.triangle, balls, first, team)
+            lax = keyed_tree(shapes, loose.geometry.triangle, balls, first, team, curve_radius(loose.geometry))
         else:
-            found = build(loose.geometry.position, loose.geometry.triangle, sphere[still_spheres:], None, False, team, first)
+            geometry, radius = loose.geometry, curve_radius(loose.geometry)
+            found = build(geometry.position, geometry.triangle, sphere[still_spheres:], None, False, team, first, radius)
             lax = found.node, found.packet
     begins = [first_body + a for a, _ in bodies.trees]
     which = placement.group[placement.still :] - len(still.trees)
@@ -87,4 +88,13 @@ def build_scene_bvh(
 
 
 def _body_trees(bodies: Section, team: Team) -> list[Tree]:
-    return [tree_of(bodies.geometry.position, bodies.geometry.triangle[a:b], team=team) for a, b in bodies.trees]
+    geometry, radius = bodies.geometry, curve_radius(bodies.geometry)
+    return [tree_of(geometry.position, geometry.triangle[a:b], team=team, radius=radius) for a, b in bodies.trees]
+
+
+def curve_radius(geometry: Geometry) -> F32:
+    """Returns the radius of curves at each vertex, (V,), or no rows if no triangle is a segment of a curve."""
+    corner = geometry.triangle
+    if not len(geometry.tangent) or not ((corner[:, 1] == corner[:, 2]) & (corner[:, 0] != corner[:, 1])).any():
+        return NO_RADIUS
+    return np.asarray(np.abs(geometry.tangent[:, 3]) * np.float32(0.5), np.float32)

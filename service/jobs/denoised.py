@@ -35,11 +35,15 @@ async def denoised_artifact(
     """
     key = frame_key(n)
     if is_preview:
-        stored = await run_sync(farm.engine.denoised, job.id, key, film)
-        if stored is not None:
+        find_stored = partial(farm.engine.denoised, job.id, key, film)
+        if (stored := await run_sync(find_stored)) is not None:
             return stored
         request = partial(farm.engine.denoise_preview, job.id, key, film, is_final=job.state in FINAL_STATES)
-        return replace(await asyncio.shield(asyncio.wrap_future(await run_sync(request))), is_preview=True)
+        preview = await asyncio.shield(asyncio.wrap_future(await run_sync(request)))
+        if (stored := await run_sync(find_stored)) is None:
+            return replace(preview, is_preview=True)
+        await run_sync(farm.engine.release_preview, job.id, key)  # the frame was denoised meanwhile, and released none
+        return stored
     frames = await _with_neighbours(job, n, film, farm) if in_shot else ()
     guide = None if frames else await run_sync(_guide, job, key, farm)
     for _ in range(_ATTEMPTS):

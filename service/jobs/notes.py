@@ -111,6 +111,7 @@ def resolve_note(job: str, note: str, resolved: bool, writer: Writer, farm: Farm
             raise _is_reply(note)
         if resolved != (found.resolved is not None):
             found.resolved, found.resolved_by = (time.time(), author) if resolved else (None, None)
+            found.resolved_guest = resolved and writer.link is not None
         return note_out(found)
 
     return _changed(job, writer, farm, resolve)
@@ -153,6 +154,7 @@ def note_out(note: ReviewNote) -> NoteOut:
         created=note.created,
         resolved=note.resolved,
         resolved_by=note.resolved_by,
+        resolved_guest=bool(note.resolved_guest),
     )
 
 

@@ -61,6 +61,7 @@ class NoteOut(BaseModel):
     created: float = Field(description="unix time")
     resolved: float | None = Field(description="when it was resolved; null: it is open")
     resolved_by: str | None
+    resolved_guest: bool = Field(description="whether that was through a share link, under an unverified name")
 
 
 class ReviewIn(Strict):

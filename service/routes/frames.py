@@ -185,7 +185,7 @@ async def image(
     key = f"{version} {clean} {extension} {planes} {in_layers} {exposure} {key_of(curve)} {width} {visible} {gains} {gain_map}"
     headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
     headers[SAMPLES_HEADER] = str(samples)
-    if is_preview:
+    if denoised is not None and is_preview:
         headers["X-Preview"] = "true"
     known = request.headers.get("if-none-match", "")
     if headers["ETag"] in known or known.strip() == "*":

@@ -249,8 +249,8 @@ class Engine:
         self._artifact_tasks.previews.release(job, frame)
 
     def denoised_blobs(self) -> set[str]:
-        """Returns the hashes of the stored denoised frames, to which the database does not refer."""
-        return self._artifact_tasks.denoising.blobs
+        """Returns the hashes of the stored denoised frames, to which the database does not refer. Called before `start`."""
+        return self._artifact_tasks.denoising.blobs_of(self._records.all_jobs())
 
     def vectors(self, request: FrameVectors) -> Future[ArtifactResult]:
         """Requests that a worker compute a frame's motion vectors. Raises Unavailable if no worker can."""

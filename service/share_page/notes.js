@@ -227,7 +227,7 @@ export function notesPanel(ask, { picture, frame, frames, show: showFrame }) {
       ),
       make("p", { class: "text" }, note.text),
       ...replies.map((reply) => make("div", { class: "answer" }, make("div", { class: "head" }, ...signature(reply)), make("p", { class: "text" }, reply.text))),
-      note.resolved !== null && make("p", { class: "quiet" }, filled(words.by, { name: note.resolved_by })),
+      note.resolved !== null && make("p", { class: "quiet" }, filled(words.by, { name: note.resolved_guest ? `${note.resolved_by} (${words.guest})` : note.resolved_by })),
       make(
         "div",
         { class: "row" },

@@ -220,6 +220,7 @@ class ReviewNote(Base):
     created: Mapped[float] = mapped_column(Float)
     resolved: Mapped[float | None] = mapped_column(Float)
     resolved_by: Mapped[str | None] = mapped_column(String(64))
+    resolved_guest: Mapped[bool | None] = mapped_column(Boolean)  # whether that is a name that a guest typed; None: unknown
 
 
 class Take(Base):

@@ -270,10 +270,10 @@ class ViewSession:
         mean, samples = self._denoised.take()
         canvas = self._canvases[-1]
         is_last = canvas.is_complete and samples == canvas.mean_samples
-        told = max(round(samples), canvas.most_shown, 1)  # tiles with noise may have been shown with more
+        count = max(round(samples), canvas.most_shown, 1)  # tiles with noise may have been shown with more
         self._shown, self._shown_samples, self._taken = len(self._canvases) - 1, canvas.samples, time.monotonic()
         size = mean.shape[2], mean.shape[1]
-        tile = ViewTile((0, 0, *size), mean, told, is_last)
+        tile = ViewTile((0, 0, *size), mean, count, is_last)
         return encode_view([tile], size, (request.settings.width, request.settings.height), request.id, seq)
 
     def _due_level(self) -> int | None:

@@ -54,6 +54,7 @@ _INWARD = np.float32(1.5)  # multiple of `error` by which points move away from 
 _FURTHEST = np.float32(12.0)
 _TINY = np.float32(1e-30)
 _SPHERE_ERROR = np.float32(1e-14)
+_OFF_CURVE = np.float32(2.0**-9)  # of a curve's diameter: its surface is not quite round where the radius changes along it
 
 
 class Surface(NamedTuple):
@@ -232,8 +233,20 @@ def _is_textured(scene, material):
 
 
 @device
+def _around_curve(tangent, wo, h):
+    """Returns the unit normal of a round curve at offset h from its axis, as seen from wo. tangent: unit, along the axis."""
+    axis = tangent[0], tangent[1], tangent[2]
+    across = vec.cross(axis, wo)
+    square = vec.dot(across, across)
+    seen = square > _TINY  # or along the axis
+    across = where3(seen, vec.scale(across, _ONE / math.sqrt(max(square, _TINY))), across)
+    up = where3(seen, vec.cross(across, axis), wo)
+    return vec.add(vec.scale(across, h), vec.scale(up, math.sqrt(max(_ONE - h * h, _ZERO))))
+
+
+@device
 def _triangle_surface(scene, wo, hit):
-    """Returns the Surface at a triangle's hit, before its shading normal is turned to the viewer."""
+    """Returns the Surface at the hit of a triangle or a curve, before its shading normal is turned to the viewer."""
     primitive, u, v = u32(hit.primitive), hit.u, hit.v
     i, j, k, part = row(scene.triangle, primitive, 4)
     part_material, number, shines = row(scene.part, part, PART_COLUMNS)
@@ -262,6 +275,9 @@ def _triangle_surface(scene, wo, hit):
         tangent = _tangent(scene.tangent, i, j, k, u, v)
     length2 = vec.dot(shading, shading)
     smooth = not_(abs(length2 - _ONE) <= _UNIT)  # or without a normal; avoids the root for flat meshes
+    if scene.has.hair is not None:
+        curved = u32(j) == u32(k)
+        smooth = smooth & not_(curved)
     lift = none, none, none
     if any_of(smooth):
         raised = lifted(corners, normals, point, u, v, shading, where3(front, upright, vec.neg(upright)))
@@ -285,14 +301,24 @@ def _triangle_surface(scene, wo, hit):
         if scene.instance_material[hit.instance] >= 0:
             material = np.uint32(scene.instance_material[hit.instance])
     beside = min(_ONE - u - v, min(u, v)) < _INWARD * error * curvature  # otherwise the point is far enough from the edges
+    if scene.has.hair is not None:
+        beside = beside & not_(curved)
     if any_of(beside):
         moved = vec.add(point, _inward(scene, hit, error, curvature))
         point = where3(beside, moved, point)
     if scene.has.hair is not None and len(scene.tangent) > 0:
-        # Transmitted rays start on the far side of a fibre, which they would hit again otherwise.
+        # Rays that a tube of triangles transmits start on its far side, which they would hit again otherwise. Those that a curve
+        # transmits start inside: they hit only what they enter.
         hair = is_hair(scene, material)
         if any_of(hair):
-            error = where(hair, max(error, _diameter(scene, hit, i, j, k, u, v)), error)
+            diameter = _diameter(scene, hit, i, j, k, u, v)
+            error = where(hair, max(error, diameter), error)
+            if any_of(curved):
+                round_normal = _around_curve(tangent, wo, (u - v) * tangent[3])
+                point = where3(curved, vec.add(point, vec.scale(round_normal, _HALF * diameter)), point)
+                error = where(curved, diameter * _OFF_CURVE + POINT_ERROR * vec.magnitude(point), error)
+                geometric = where3(curved, round_normal, geometric)
+                shading = where3(curved, round_normal, shading)
     uv = uv1 = none, none
     if scene.has.textures is not None:
         if any_of(_is_textured(scene, material)):

@@ -5,6 +5,10 @@ Source: Mitsuba 3's documentation, plugins "bsplinecurve" and "linearcurve".
 
 from __future__ import annotations
 
+import math
+from array import array
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 
@@ -52,16 +56,17 @@ def mesh_of_curves(basis: str, data: bytes, name: str, world: Matrix, fibres: bo
 
 
 def _blocks(text: str, name: str) -> list[Matrix]:
-    blocks: list[list[Matrix]] = [[]]
+    """Returns (N, 4) the points of each curve with their radii."""
+    values, ends = array("d"), [0]
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip():
-            blocks.append([])
+            ends.append(len(values))
             continue
         try:
-            row = np.array([float(each) for each in line.replace(",", " ").split()])
+            row = [float(each) for each in line.replace(",", " ").split()]
         except ValueError:
-            row = np.zeros(0)
-        if len(row) < 4 or not np.isfinite(row).all():
+            row = []
+        if len(row) < 4 or not all(map(math.isfinite, row)):
             raise SceneError(
                 Sentence(
                     "curve-point-invalid",
@@ -70,5 +75,7 @@ def _blocks(text: str, name: str) -> list[Matrix]:
                     line=number,
                 )
             )
-        blocks[-1].append(row[:4])
-    return [np.array(block) for block in blocks if block]
+        values.extend(row[:4])
+    ends.append(len(values))
+    rows = np.array(values).reshape(-1, 4)
+    return [rows[begin // 4 : end // 4] for begin, end in pairwise(ends) if begin < end]

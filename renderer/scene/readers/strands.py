@@ -1,4 +1,4 @@
-"""Converts hair, fur and wire curves to tubes or ribbons in one mesh."""
+"""Converts hair, fur and wire curves to fibres, tubes or ribbons in one mesh."""
 
 from __future__ import annotations
 
@@ -8,9 +8,24 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.errors import SceneError
 from renderer.scene.description import Mesh
+from renderer.scene.readers import tubes as shapes
 from renderer.scene.readers.polylines import by_stride
-from renderer.scene.readers.tubes import BASES, STEPS, elliptic, fineness_of, ribbons, sides_of, tubes, tubes_mesh
+from renderer.scene.readers.tubes import (
+    BASES,
+    MAX_STEPS,
+    MAX_VERTICES,
+    STEPS,
+    Tubes,
+    elliptic,
+    fineness_of,
+    ribbons,
+    sides_of,
+    tubes,
+    tubes_mesh,
+)
+from renderer.sentences import Sentence
 
 __all__ = ["Strand", "line_of", "strands_mesh"]
 
@@ -54,21 +69,42 @@ _LEAST_SIDES = 6  # of an ellipse
 def strands_mesh(strands: list[Strand], fibres: bool = False, aspect: float = 1.0) -> Mesh:
     """Returns one mesh with a tube or ribbon for each curve; with many curves, tubes have fewer sides.
 
-    fibres: whether they are fibres of hair (tubes.py), whose cross-sections are ellipses of the aspect ratio.
+    fibres: whether they are fibres of hair (tubes.py), which are segments of round curves; with an aspect ratio below 1, tubes
+    whose cross-sections are ellipses. Raises SceneError if they have too many points.
     """
     groups: dict[tuple[int, bool, int], list[Strand]] = {}
     for strand in strands:
         groups.setdefault((len(strand.points), strand.facing is None or fibres, strand.steps), []).append(strand)
-    pieces, sides = [], max(sides_of(len(strands), fibres), _LEAST_SIDES if aspect < 1 else 0)
-    for (_, is_round, steps), group in groups.items():
+    sides, vertices = max(sides_of(len(strands), fibres), _LEAST_SIDES if aspect < 1 else 0), 0
+    if sum(samples for samples, *_ in groups) > MAX_STEPS:
+        raise _too_many(strands)
+    around = 1 if fibres and aspect >= 1 else sides
+    pieces: list[Tubes] = []
+    for (samples, is_round, steps), group in groups.items():
         lines, radii = np.stack([strand.points for strand in group]), np.stack([strand.radii for strand in group])
+        alike = [(np.arange(len(group)), slice(None))]
         if fibres:
-            alike = by_stride(lines, radii, steps, *fineness_of(len(strands)))
-            pieces += [tubes(lines[k, kept], radii[k, kept], None, sides, True) for k, kept in alike]
+            alike = list(by_stride(lines, radii, steps, *fineness_of(len(strands))))
+        vertices += sum(len(k) * len(range(samples)[kept]) for k, kept in alike) * (around if is_round else 2)
+        if vertices > MAX_VERTICES:
+            raise _too_many(strands)
+        if fibres and aspect >= 1:
+            pieces += [shapes.fibres(lines[k, kept], radii[k, kept], None) for k, kept in alike]
         elif is_round:
-            pieces.append(tubes(lines, radii, None, sides))
+            pieces += [tubes(lines[k, kept], radii[k, kept], None, sides, fibres) for k, kept in alike]
         else:
             facing = np.stack([strand.facing for strand in group if strand.facing is not None])
             pieces.append(ribbons(lines, radii, facing, None))
     mesh = tubes_mesh("curves", pieces)
     return elliptic(mesh, sides, aspect) if fibres and aspect < 1 else mesh
+
+
+def _too_many(strands: list[Strand]) -> SceneError:
+    return SceneError(
+        Sentence(
+            "curves-too-many",
+            "{curves} curves with {points} points after subdivision are too many; export fewer or shorter ones",
+            curves=len(strands),
+            points=sum(len(strand.points) for strand in strands),
+        )
+    )

@@ -1,6 +1,6 @@
-"""Converts curves to tubes of triangles: closed ones, or fibres of hair, which are open and have tangents and diameters.
+"""Converts curves: fibres of hair to segments of round curves (renderer/bvh/curves.py), others to closed tubes of triangles.
 
-Ribbons, which are flat, become strips.
+Elliptic fibres are open tubes with tangents and diameters. Ribbons, which are flat, become strips.
 """
 
 from __future__ import annotations
@@ -17,21 +17,27 @@ from renderer.scene.description import Mesh
 __all__ = [
     "BASES",
     "MAX_FINE_CURVES",
+    "MAX_STEPS",
+    "MAX_VERTICES",
     "STEPS",
     "CurveWeights",
     "Tubes",
+    "curve_segments",
     "curve_weights",
     "elliptic",
+    "fibres",
     "fineness_of",
     "line_tangents",
     "ribbons",
     "sides_of",
     "tubes",
     "tubes_mesh",
+    "varying_values",
 ]
 
 F64 = npt.NDArray[np.float64]
 STEPS = 6  # lines per cubic segment
+_LEAST_NORMAL = 1e-12  # length of a normal below which it is no direction, as of damaged files
 
 BASES = {
     "bezier": np.array([[1, 0, 0, 0], [-3, 3, 0, 0], [3, -6, 3, 0], [-1, 3, -3, 1]], np.float64),
@@ -40,12 +46,14 @@ BASES = {
 }
 
 
-MAX_FINE_CURVES = 500  # up to this many curves get more sides
+MAX_FINE_CURVES = 500  # up to this many curves get more sides, or more lines
 MAX_CURVES = 20_000  # likewise; of more, each is hardly wider than a pixel
+MAX_VERTICES = 1 << 25
+MAX_STEPS = 1 << 19  # points along curves, those of equal length counted once: their frames are computed one after another
 
 
 class Tubes(NamedTuple):
-    """Tubes around curves, as triangles."""
+    """Tubes around curves, as triangles, or the curves themselves: triangles (a, b, b) are their segments."""
 
     positions: F64
     normals: F64
@@ -108,12 +116,33 @@ def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
         mesh.colors[:, :3] = all_colors.clip(0, 1)
     uv_sets = [np.concatenate(uvs).astype(np.float32) for uvs in zip(*(p.uvs for p in pieces), strict=False)]
     mesh.uvs, mesh.uvs1 = (uv_sets[k] if k < len(uv_sets) else None for k in (0, 1))
-    fibres = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
-    if fibres:
-        tangents: F64 = np.concatenate([along for along, _ in fibres])
-        diameters: F64 = np.concatenate([across for _, across in fibres])
+    round_ones = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
+    if round_ones:
+        tangents: F64 = np.concatenate([along for along, _ in round_ones])
+        diameters: F64 = np.concatenate([across for _, across in round_ones])
         mesh.tangents, mesh.diameters = tangents.astype(np.float32), diameters.astype(np.float32)
     return mesh
+
+
+def curve_segments(count: int, basis: str, wrap: str) -> int:
+    """Returns the number of cubic segments of a curve with `count` control points; 0 if it is too short.
+
+    basis: a key of BASES; wrap: nonperiodic, periodic or pinned, as in USD.
+    """
+    step = 3 if basis == "bezier" else 1
+    if wrap == "periodic":
+        segments = count // step
+    else:
+        segments = count - 1 if wrap == "pinned" and basis != "bezier" else (count - 4) // step + 1
+    return 0 if count < (2 if wrap == "pinned" else 3) else max(segments, 0)
+
+
+def varying_values(count: int, basis: str, wrap: str) -> int:
+    """Returns the number of varying values of a curve with `count` control points: one at each end of a segment."""
+    if basis == "linear":
+        return count
+    segments = curve_segments(count, basis, wrap)
+    return segments if wrap == "periodic" and segments else segments + 1
 
 
 def curve_weights(count: int, basis: str, wrap: str) -> tuple[CurveWeights, CurveWeights]:
@@ -127,11 +156,8 @@ def curve_weights(count: int, basis: str, wrap: str) -> tuple[CurveWeights, Curv
         return lines, lines
     step = 3 if basis == "bezier" else 1
     pinned = wrap == "pinned" and basis != "bezier"
-    if wrap == "periodic":
-        segments = count // step
-    else:
-        segments = count - 1 if pinned else (count - 4) // step + 1
-    if count < (2 if wrap == "pinned" else 3) or segments < 1:
+    segments = curve_segments(count, basis, wrap)
+    if not segments:
         none = np.zeros((0, 1), np.int64), np.zeros((0, 1))
         return CurveWeights(count, *none), CurveWeights(1, *none)
     sample = np.arange(segments * STEPS + 1)
@@ -153,7 +179,7 @@ def curve_weights(count: int, basis: str, wrap: str) -> tuple[CurveWeights, Curv
             own[rows, next_point] -= own[rows, phantom]
             own[rows, phantom] = 0
         index = index.clip(0, count - 1)
-    varying = segments if wrap == "periodic" else segments + 1
+    varying = varying_values(count, basis, wrap)
     ends, shares = np.stack([segment, (segment + 1) % varying], axis=1), np.stack([1 - u, u], axis=1)
     return CurveWeights(count, index, own), CurveWeights(varying, ends, shares)
 
@@ -165,6 +191,25 @@ def line_tangents(lines: F64) -> F64:
     tangents[:, 0], tangents[:, -1] = lines[:, 1] - lines[:, 0], lines[:, -1] - lines[:, -2]
     tangents /= np.maximum(np.linalg.norm(tangents, axis=2, keepdims=True), 1e-30)
     return tangents
+
+
+def fibres(lines: F64, radii: F64, colors: F64 | None, uvs: Sequence[F64] = ()) -> Tubes:
+    """Returns (N, S, 3) polylines as segments of round curves, with tangents and diameters.
+
+    radii: (N, S); colors: (N, S, 3) or None; uvs: (N, S, 2) each.
+    """
+    count, samples = lines.shape[:2]
+    tangents = line_tangents(lines).reshape(-1, 3)
+    first = (np.arange(count)[:, None] * samples + np.arange(samples - 1)).reshape(-1)
+    return Tubes(
+        lines.reshape(-1, 3),
+        np.cross(tangents, np.eye(3)[np.argmin(np.abs(tangents), axis=1)]),  # any normal: those of hits follow from the ray
+        None if colors is None else colors.reshape(-1, colors.shape[2]),
+        np.stack([first, first + 1, first + 1], axis=1),
+        np.column_stack([tangents, np.ones(len(tangents))]),
+        2 * radii.reshape(-1),
+        tuple(each.reshape(-1, 2) for each in uvs),
+    )
 
 
 def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool = False, uvs: Sequence[F64] = ()) -> Tubes:
@@ -221,7 +266,7 @@ def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool =
 
 
 def elliptic(mesh: Mesh, sides: int, aspect: float) -> Mesh:
-    """Returns round fibres with a cross-section that is an ellipse, as wide on average as the smooth one.
+    """Returns tubes that are fibres with a cross-section that is an ellipse, as wide on average as the smooth one.
 
     mesh: of fibres whose vertices are rings of `sides`; the major axis is that from the middle of a ring to its first vertex, as
     long as before. aspect: minor over major radius, below 1. The second UV set takes the normals, along the major and the minor
@@ -240,7 +285,7 @@ def elliptic(mesh: Mesh, sides: int, aspect: float) -> Mesh:
     across, along = (out * major).sum(axis=2, keepdims=True), (out * minor).sum(axis=2, keepdims=True)
     radii = np.linalg.norm(rings - middle, axis=2, keepdims=True) * widened
     positions = middle + radii * (across * major + aspect * along * minor)
-    length = np.sqrt((aspect * across) ** 2 + along**2)
+    length = np.maximum(np.sqrt((aspect * across) ** 2 + along**2), _LEAST_NORMAL)
     across, along = aspect * across / length, along / length
     return replace(
         mesh,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from protocol.contract import DenoiseFrame, WorkerReport, denoise_queue
 from renderer.sentences import Sentence
 from service.errors import Unavailable
@@ -33,10 +35,13 @@ class Denoising(ArtifactTask[DenoiseFrame]):
         made = self._made.get((job, frame))
         return made if made is not None and made.version == version and self._blobs.exists(made.sha256) else None
 
-    @property
-    def blobs(self) -> set[str]:
-        """The hashes of the stored frames."""
+    def blobs_of(self, jobs: Collection[str]) -> set[str]:
+        """Returns the hashes of the stored frames of these jobs, and forgets those of all others.
+
+        Their jobs were deleted, but an earlier run was killed before it stored that.
+        """
         with self._lock:
+            self._made = {key: made for key, made in self._made.items() if key[0] in jobs}
             return {made.sha256 for made in self._made.values()}
 
     def _save_made(self) -> None:

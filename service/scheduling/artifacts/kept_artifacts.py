@@ -1,4 +1,4 @@
-"""File with the denoised pictures that are stored, so that they are known after a restart."""
+"""The file that lists the stored denoised pictures, so that they survive a restart."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from service.store.blobs import is_sha256
 
 __all__ = ["KeptArtifacts"]
 
-MOST = 2000  # pictures that are known after a restart: the latest
+MOST = 2000  # pictures in the file: the latest
 
 log = logging.getLogger(__name__)
 
@@ -34,7 +34,7 @@ class KeptArtifacts:
             }
         except FileNotFoundError:
             return {}
-        except (OSError, ValueError, TypeError) as error:
+        except (OSError, ValueError, TypeError, OverflowError) as error:
             log.warning("denoised pictures are made again, since %s cannot be read: %s", self._path.name, error)
             return {}
         return {key: result for key, result in found.items() if is_sha256(result.sha256)}

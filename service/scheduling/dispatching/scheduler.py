@@ -182,13 +182,14 @@ class Scheduler:
     def _has_job_without_slot(self, turns: dict[int, list[ActiveJob]]) -> bool:
         """Returns True if a job may wait for slots of other jobs: it has no message out, or not all priorities are equal.
 
-        turns: the jobs by priority.
+        turns: the jobs by priority. Jobs that may not be dispatched now wait for no slot.
         """
-        jobs = [job for equals in turns.values() for job in equals]
+        served = [[job for job in equals if self._may_serve(job)] for equals in turns.values()]
+        jobs = [job for equals in served for job in equals]
         if len(jobs) < 2:
             return False
         held = self.leases.slots_by_job()
-        return len(turns) > 1 or not all(held[job.id] for job in jobs)
+        return sum(map(bool, served)) > 1 or not all(held[job.id] for job in jobs)
 
     def _may_serve(self, job: ActiveJob) -> bool:
         return self._bulkheads.may_render(job.id) and time.monotonic() >= job.rests_until and not job.is_done

@@ -224,6 +224,35 @@ def test_curve_widths_and_ribbons(tmp_path):
     assert any("number of widths is wrong" in each for each in found.warnings)
 
 
+@pytest.mark.parametrize(("wrap", "fits"), [("nonperiodic", (4, 7)), ("pinned", (4, 7)), ("periodic", (3, 6))])
+def test_surplus_points_of_curves_are_counted(tmp_path, wrap, fits):
+    made = stage(tmp_path / "a.usda")
+    curves = UsdGeom.BasisCurves.Define(made, "/c")
+    curves.CreateWrapAttr(wrap)
+    counts = [*fits, fits[0] + 1, fits[1] + 2]
+    curves.CreateCurveVertexCountsAttr(counts)
+    curves.CreatePointsAttr([(x, float(y), 0) for x, count in enumerate(counts) for y in range(count)])
+    made.GetRootLayer().Save()
+    assert any(each.startswith("2 Bezier curves have points beyond") for each in read(tmp_path / "a.usda").warnings)
+    curves.GetBasisAttr().Set("bspline")
+    made.GetRootLayer().Save()
+    assert not any("Bezier" in each for each in read(tmp_path / "a.usda").warnings)
+
+
+def test_curves_of_many_lengths_are_left_out_beyond_the_limit(tmp_path, monkeypatch):
+    made = stage(tmp_path / "a.usda")
+    curves = UsdGeom.BasisCurves.Define(made, "/c")
+    curves.CreateBasisAttr("bspline")
+    curves.CreateCurveVertexCountsAttr([9, 4, 4])
+    curves.CreatePointsAttr([(0, float(y), 0) for y in range(17)])
+    made.GetRootLayer().Save()
+    whole = read(tmp_path / "a.usda")
+    monkeypatch.setattr("renderer.scene.readers.usd.curves.MAX_STEPS", 6 + 6 * 6 - 1)
+    found = read(tmp_path / "a.usda")
+    assert len(found.meshes[0].positions) == 2 * (7 + 2) * 12 < len(whole.meshes[0].positions)
+    assert any("beyond the limit" in each for each in found.warnings)
+
+
 def lattice(made, how, split=False):
     """Adds a flat mesh of 3 x 3 quads to the stage, as a Catmull-Clark surface whose UVs equal its points; returns the mesh.
 

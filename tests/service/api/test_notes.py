@@ -57,6 +57,7 @@ def test_users_and_guests_write_reply_resolve_and_judge(people: People) -> None:
         assert people.anna.get(f"/api/jobs/{job}").json()["review"].items() >= {"notes": 2, "open": 1, "state": None}.items()
         done = checked_json(people.anna.patch(f"{path}/{note['id']}", json={"resolved": True}), 200)
         assert done["resolved_by"] == "anna" and done["resolved"] == pytest.approx(time.time(), abs=60)
+        assert not done["resolved_guest"]
         assert people.anna.patch(f"{path}/{reply['id']}", json={"resolved": True}).status_code == 409
         assert people.anna.post(path, json={"text": "Again", "reply_to": reply["id"]}).status_code == 409
         verdict = {"state": "changes-requested", "author": "Carla"}
@@ -64,7 +65,10 @@ def test_users_and_guests_write_reply_resolve_and_judge(people: People) -> None:
         assert judged.items() >= {"state": "changes-requested", "by": "Carla", "guest": True, "open": 0, "notes": 2}.items()
         assert [each["id"] for each in guest.get("/api/shared/notes").json()] == [note["id"], reply["id"]]
         again = checked_json(guest.patch(f"/api/shared/notes/{note['id']}", json={"resolved": False, "author": "Carla"}), 200)
-        assert (again["resolved"], again["resolved_by"]) == (None, None)
+        assert (again["resolved"], again["resolved_by"], again["resolved_guest"]) == (None, None, False)
+        claimed = checked_json(guest.patch(f"/api/shared/notes/{note['id']}", json={"resolved": True, "author": "anna"}), 200)
+        assert (claimed["resolved_by"], claimed["resolved_guest"]) == ("anna", True), "the name that a guest typed is unverified"
+        checked_json(guest.patch(f"/api/shared/notes/{note['id']}", json={"resolved": False, "author": "Carla"}), 200)
     approved = checked_json(people.anna.put(f"/api/jobs/{job}/review", json={"state": "approved"}), 200)
     assert approved.items() >= {"state": "approved", "by": "anna", "guest": False, "open": 1}.items()
     listed = next(each for each in people.anna.get("/api/jobs").json() if each["id"] == job)

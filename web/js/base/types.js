@@ -82,6 +82,7 @@
  * @property {number} created unix seconds
  * @property {number | null} resolved likewise; null: open
  * @property {string | null} resolved_by
+ * @property {boolean} resolved_guest whether that was a guest of a share link
  *
  * @typedef {object} Take a saved camera with the settings of a scene's live view
  * @property {string} id

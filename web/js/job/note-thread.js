@@ -82,7 +82,7 @@ export function noteThread(first, isShot, deeds) {
         fill(answers, replies.map((reply) => h("li", null, h("div", { class: "note-head" }, signature(reply)), h("p", { class: "note-text" }, reply.text))));
       }
       done.hidden = note.resolved === null;
-      setText(done, t("Resolved by {name}", { name: note.resolved_by ?? "" }));
+      setText(done, t("Resolved by {name}", { name: note.resolved_guest ? `${note.resolved_by} (${t("guest")})` : (note.resolved_by ?? "") }));
       setText(resolve, note.resolved === null ? t("Resolve") : t("Open again"));
     },
   };

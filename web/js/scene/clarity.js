@@ -12,7 +12,7 @@ const KEY = "rayfarm-view-noise";
  * @param {number} mean samples a pixel
  * @param {number | null} noise relative; null: unknown with so few samples
  * @param {boolean} isDone
- * @param {boolean} [isPreview] whether something else is shown, which has no samples
+ * @param {boolean} [isPreview] whether the preview mesh or an earlier picture is shown in its place
  */
 export function clarity(mean, noise, isDone, isPreview = false) {
   if (isPreview) return t("Preview, rendering …");

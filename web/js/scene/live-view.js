@@ -257,19 +257,19 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       if (!canvas.classList.contains("held-back")) uncoverSoon();
       picture.invalidate();
     },
-    state(told) {
-      const { samples, bound, mean, noise, done, slots, message } = told;
-      const denoised = told.denoised && surface.dataset.view === String(told.id);
-      const isLatest = told.id === link.id && !link.pending;
+    state(next) {
+      const { samples, bound, mean, noise, done, slots, message } = next;
+      const denoised = next.denoised && surface.dataset.view === String(next.id);
+      const isLatest = next.id === link.id && !link.pending;
       surface.dataset.samples = String(samples);
       sampledAt = mean < MESH_SPP ? 0 : sampledAt || performance.now(); // another view begins anew
       const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
       const isReady = (denoised && isFineEnough()) || (done && !isDenoisedSoon) || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
       if (isReady && (isLatest || !mesh.kept)) release();
-      else if (denoised) keepNewer(told.id);
+      else if (denoised) keepNewer(next.id);
       setDenoised(denoised);
-      if (message) say(saidOf(told, "message"));
+      if (message) say(saidOf(next, "message"));
       else if (bound) say(clarity(mean, noise, done, isCovered && !meshed.hidden && canvas.classList.contains("held-back")), done);
       state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");
     },

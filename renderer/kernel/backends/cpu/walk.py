@@ -15,14 +15,23 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.bvh.curves import intersect_curves
 from renderer.bvh.hit_keys import hit_keys, key_limit, keys_beyond, masked, minimum_key, nearest, nearest_of
-from renderer.bvh.layout import INSTANCE, NODE_SIZE, ROW_CHILD, WIDTH
+from renderer.bvh.layout import CURVES, LEAF_KIND, NODE_SIZE, ROW_CHILD, WIDTH
 from renderer.bvh.node_test import intersect_boxes, is_nearer, primitive_of, tie_of
 from renderer.bvh.packet import intersect_spheres, intersect_triangles
 from renderer.bvh.prefetch import prefetch_child
-from renderer.bvh.simd import bits, load, load_int, lowest_bit, select, splat, store, store_int
+from renderer.bvh.simd import bits, extract, load, load_int, lowest_bit, select, splat, store, store_int
 from renderer.bvh.slabs import MORE
-from renderer.bvh.traverse import FACING, NO_PRIMITIVE, SHADOW_REACH, any_in_instance, closest_in_instance, packet_address_at
+from renderer.bvh.traverse import (
+    FACING,
+    NO_PRIMITIVE,
+    SHADOW_REACH,
+    any_in_instance,
+    closest_in_instance,
+    is_instance,
+    packet_address_at,
+)
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import ENDED, NODES, OTHERS, PACKETS, append, clear, length, row
@@ -58,7 +67,8 @@ _NONE = np.uint32(0)
 _BIT = np.uint32(1)
 _LANE = np.int32(WIDTH - 1)  # mask of the lane in a key
 _LAST = np.uint32(1 << (WIDTH - 1))
-_LEAF_KIND = np.int32(3)
+_LEAF_KIND = np.int32(LEAF_KIND)
+_CURVES = np.int32(CURVES)
 _NEARBY = 128  # nodes that fit the L1 cache; smaller trees are not prefetched
 _1, _2 = np.uintp(1), np.uintp(2)
 _W = np.uintp(WIDTH)
@@ -300,6 +310,25 @@ def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
 
 
 @device
+def _meet_curves(bvh, alone, pool, path, leaf, best, time):
+    """Intersects a ray with the packet of curve segments `leaf`, and replaces the ray's hit if one of them is nearer.
+
+    path: flat offset in the pool of the ray's row.
+    """
+    place = packet_address_at(bvh, leaf, alone, time)
+    o, d = load_vector(pool, path + _O), load_vector(pool, path + _D)
+    hit, t, u, v = intersect_curves(place, o, d, best * MORE, None, None, None)
+    distance, lane = nearest(hit, t)
+    found = primitive_of(bvh.packet, leaf, lane)
+    if is_nearer(distance, found, best, _tie(bvh, pool, path)):
+        pool[path + BEST] = distance
+        pool[path + _U] = extract(u, lane)
+        pool[path + _V] = extract(v, lane)
+        store_int(pool, path + _PRIMITIVE, found)
+        store_int(pool, path + _INSTANCE, NO_PRIMITIVE)
+
+
+@device
 def _meet_instance(bvh, alone, pool, path, instance, best, time):
     """Intersects a ray with an instance, and replaces the ray's hit if that of the instance is nearer.
 
@@ -319,14 +348,17 @@ def _meet_instance(bvh, alone, pool, path, instance, best, time):
 
 @device
 def _occlude_by_others(bvh, alone, pool, path, leaf, time):
-    """Tests whether an instance or a packet of spheres, `leaf`, occludes a shadow ray.
+    """Tests whether an instance or a packet of spheres or curves, `leaf`, occludes a shadow ray.
 
     path: flat offset in the pool of the ray's row.
     """
     o = load_vector(pool, path + _START)
     d = vec.sub(load_vector(pool, path + _END), o)
-    if bvh.instances is not None and leaf & INSTANCE:
+    if bvh.instances is not None and is_instance(bvh, leaf):
         occluded = any_in_instance(bvh, alone, np.uintp(0), leaf >> 2, o, d, SHADOW_REACH, time)
+    elif bvh.curves is not None and (leaf & _LEAF_KIND) == _CURVES:
+        place = packet_address_at(bvh, leaf, alone, time)
+        occluded = bits(intersect_curves(place, o, d, SHADOW_REACH, None, None, None)[0]) != _NONE
     else:
         occluded = (
             bits(intersect_spheres(packet_address_at(bvh, leaf, alone, time), o, d, SHADOW_REACH, None, None, None)[0]) != _NONE
@@ -336,7 +368,7 @@ def _occlude_by_others(bvh, alone, pool, path, leaf, time):
 
 @subroutine
 def _visit_others(bvh, motion, alone, pool, stack, lists, closest):
-    """Intersects the rays whose next leaf is an instance or a packet of spheres (list OTHERS) with that leaf."""
+    """Intersects the rays whose next leaf is an instance or a packet of spheres or curves (list OTHERS) with that leaf."""
     never_inline()
     count = length(lists, OTHERS)
     clear(lists, OTHERS)
@@ -346,8 +378,10 @@ def _visit_others(bvh, motion, alone, pool, stack, lists, closest):
         leaf, time = ~load_int(pool, path + CHILD), time_of(motion, pool, number)
         if closest is None:
             _occlude_by_others(bvh, alone, pool, path, leaf, time)
-        elif bvh.instances is not None and leaf & INSTANCE:
+        elif bvh.instances is not None and is_instance(bvh, leaf):
             _meet_instance(bvh, alone, pool, path, leaf >> 2, pool[path + BEST], time)
+        elif bvh.curves is not None and (leaf & _LEAF_KIND) == _CURVES:
+            _meet_curves(bvh, alone, pool, path, leaf, pool[path + BEST], time)
         else:
             _meet_spheres(bvh, alone, pool, path, leaf, pool[path + BEST], time)
     _advance_rays(bvh, pool, stack, lists, OTHERS, count, closest)

@@ -1,4 +1,4 @@
-"""Converts USD curves to tubes, fibres of hair or ribbons, and USD points to spheres."""
+"""Converts USD curves to fibres of hair, tubes or ribbons, and USD points to spheres."""
 
 from __future__ import annotations
 
@@ -9,18 +9,23 @@ import numpy.typing as npt
 from pxr import UsdGeom
 
 from renderer.scene.description import F32, Mesh
+from renderer.scene.readers import tubes as shapes
 from renderer.scene.readers.polylines import by_stride
 from renderer.scene.readers.tubes import (
     BASES,
+    MAX_STEPS,
+    MAX_VERTICES,
     STEPS,
     CurveWeights,
     Tubes,
+    curve_segments,
     curve_weights,
     fineness_of,
     ribbons,
     sides_of,
     tubes,
     tubes_mesh,
+    varying_values,
 )
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
@@ -29,7 +34,6 @@ from renderer.sentences import Sentence
 __all__ = ["PointSpheres", "spheres_of_points", "tubes_of"]
 
 F64 = npt.NDArray[np.float64]
-MAX_VERTICES = 1 << 25
 _TOO_MANY = Sentence("usd-curves-too-many", "Curves beyond the limit are left out")
 _WIDTHS = Sentence("usd-point-width-count-wrong", "Points whose number of widths is wrong are shown with width 1")
 
@@ -92,7 +96,7 @@ def tubes_of(
     """Returns all curves of a prim as one mesh: tubes, or ribbons if they have normals; None, with a note, if they are damaged.
 
     color: name of the primvar with their colours, or None. uv_sets: names of those with their UVs. fibres: whether their material
-    is hair: they are then fibres (tubes.py), with or without normals. bends: whether they deform over time.
+    is hair: they are then segments of round curves (tubes.py), with or without normals. bends: whether they deform over time.
     """
     curves = UsdGeom.BasisCurves(prim)
     points = primvars.array(curves.GetPointsAttr().Get(time), 3).astype(np.float64)
@@ -126,14 +130,23 @@ def tubes_of(
     tint = primvars.find_primvar(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
     uvs = [_uvs(prim, name, time) for name in uv_sets]
-    sides = sides_of(len(counts), fibres)
+    sides = 0 if fibres else sides_of(len(counts), fibres)
     normals, facing = _normals(prim, curves, time)
     if fibres and len(normals):
         notes.add(Sentence("usd-ribbons-drawn-as-tubes", "Ribbons of hair are drawn as round fibres"), path)
         normals = normals[:0]
     spans = np.zeros(len(counts), np.int64)  # number of varying values per curve
     for count in np.unique(counts):
-        spans[counts == count] = curve_weights(int(count), basis, wrap)[1].length
+        spans[counts == count] = varying_values(int(count), basis, wrap)
+    if surplus := _with_surplus_points(counts, basis, wrap):
+        notes.add(
+            Sentence(
+                "usd-curve-points-surplus",
+                "{curves} Bezier curves have points beyond their last segment, which are left out",
+                curves=surplus,
+            ),
+            path,
+        )
     expected = {"uniform": len(counts), "varying": spans.sum(), "vertex": len(points)}.get(str(interpolation), 1)
     if len(widths) not in (1, expected):
         notes.add(
@@ -141,8 +154,12 @@ def tubes_of(
         )
         widths = widths[:1]
     pieces: list[Tubes] = []
-    total = 0
+    total = along_all = 0
     for count in np.unique(counts):
+        along_all += int(count) if basis == "linear" else curve_segments(int(count), basis, wrap) * STEPS
+        if along_all > MAX_STEPS:
+            notes.add(_TOO_MANY, path)
+            break
         weights, between = curve_weights(int(count), basis, wrap)
         which = np.flatnonzero(counts == count)
         if weights.samples < 2:
@@ -180,11 +197,21 @@ def tubes_of(
             own_colors, own_uvs = None if shown is None else shown[k, kept], [each[k, kept] for each in placed]
             if facings is not None:
                 pieces.append(ribbons(lines[k, kept], radii[k, kept], facings[k, kept], own_colors, own_uvs))
+            elif fibres:
+                pieces.append(shapes.fibres(lines[k, kept], radii[k, kept], own_colors, own_uvs))
             else:
-                pieces.append(tubes(lines[k, kept], radii[k, kept], own_colors, sides, fibres, own_uvs))
+                pieces.append(tubes(lines[k, kept], radii[k, kept], own_colors, sides, uvs=own_uvs))
     if not pieces:
         return None
     return tubes_mesh(prim.GetName(), pieces)
+
+
+def _with_surplus_points(counts: npt.NDArray[np.int64], basis: str, wrap: str) -> int:
+    """Returns the number of Bezier curves with one or two points after their last whole segment."""
+    if basis != "bezier":
+        return 0
+    surplus = counts % 3 != (0 if wrap == "periodic" else 1)
+    return int((surplus & (counts >= (3 if wrap == "periodic" else 4))).sum())
 
 
 def _normals(prim: Any, curves: Any, time: Any) -> tuple[F64, str]:

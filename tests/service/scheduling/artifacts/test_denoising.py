@@ -5,18 +5,22 @@ Without a worker that can denoise, a request gets an error.
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import httpx
 import numpy as np
 import pytest
 
 from renderer.image import rgbe9995
+from service.jobs.denoised import denoised_artifact
 from service.jobs.lookup import find_film
 from service.scheduling.artifacts import denoising, previews
 from service.scheduling.artifacts.artifact_result import ArtifactResult
@@ -24,6 +28,7 @@ from service.scheduling.artifacts.denoising import Denoising
 from service.scheduling.artifacts.kept_artifacts import KeptArtifacts
 from service.scheduling.artifacts.previews import DenoisedPreviews
 from service.store.bands import bands
+from service.store.models import Job
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
 
@@ -161,6 +166,31 @@ def test_preview_is_renewed_when_samples_have_doubled(service: Service, worker: 
     tasks = service.farm.engine._artifact_tasks
     assert [each.samples for each in tasks.denoising._made.values()] == [60 * pixels], "a finished picture is no preview"
     assert not tasks.previews._made
+
+
+def test_preview_made_after_the_picture_is_released() -> None:
+    """A preview that a worker finishes after the picture itself leaves no blob, and clients get the picture."""
+    picture, preview = ArtifactResult("a" * 64, "1", 8), ArtifactResult("b" * 64, "", 4)
+    stored: list[ArtifactResult] = []
+    released: list[tuple[str, int]] = []
+    done: Future[ArtifactResult] = Future()
+    done.set_result(preview)
+
+    def request(*_: Any, **__: Any) -> Future[ArtifactResult]:
+        if late:
+            stored.append(picture)
+        return done
+
+    engine: Any = SimpleNamespace(
+        denoised=lambda *_: stored[0] if stored else None,
+        denoise_preview=request,
+        release_preview=lambda *key: released.append(key),
+    )
+    for late in (False, True):
+        farm: Any = SimpleNamespace(engine=engine)
+        made = denoised_artifact(Job(id="j", state="running"), 0, engine, farm, is_preview=True)
+        assert asyncio.run(made) == (picture if late else replace(preview, is_preview=True))
+        assert released == ([("j", 0)] if late else [])
 
 
 def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -312,3 +342,16 @@ def test_stored_pictures_are_known_after_a_restart(tmp_path: Path) -> None:
     assert kept.load() == {}, "no hash"
     (tmp_path / "denoised.json").write_text("[[1]]")
     assert kept.load() == {}, "damaged"
+    (tmp_path / "denoised.json").write_text(f'[["job", Infinity, "{"a" * 64}", "", 1, 0]]')
+    assert kept.load() == {}, "no frame"
+
+
+def test_stored_pictures_of_deleted_jobs_are_forgotten(tmp_path: Path) -> None:
+    kept = KeptArtifacts(tmp_path / "denoised.json")
+    kept.save({("job", 0): ArtifactResult("a" * 64), ("deleted", 0): ArtifactResult("b" * 64)})
+    task = Denoising(None, None, None, None)  # type: ignore[arg-type]
+    task.keep_in(kept)
+    assert task.blobs_of({"job"}) == {"a" * 64}
+    task._save_made()
+    assert set(kept.load()) == {("job", 0)}
+    task.close()

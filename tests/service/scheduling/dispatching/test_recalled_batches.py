@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import time
+
 import redis
 
 from service.scheduling.dispatching.leases import Lease
@@ -33,3 +36,15 @@ def test_only_recalled_batches_are_returned_without_fault() -> None:
         assert job.handed_back == (None if is_recalled else "returned"), "a worker that returns all of its work is faulty"
         assert scheduler.leases.get(lease.id) is None
         assert job.next_batch(0.5, 2, KIND) == batch, "the batch is dispatched again"
+
+
+def test_only_jobs_that_may_be_dispatched_wait_for_slots() -> None:
+    farm = Farm(slots=2, cards=0)
+    scheduler, job = farm.scheduler, farm.job
+    resting = copy.copy(job)
+    resting.id, resting.rests_until = "resting", time.monotonic() + 60
+    for turns in ({0: [job, resting]}, {0: [job], 1: [resting]}):
+        assert not scheduler._has_job_without_slot(turns)
+    resting.rests_until = 0.0
+    for turns in ({0: [job, resting]}, {0: [job], 1: [resting]}):
+        assert scheduler._has_job_without_slot(turns)
