@@ -44,18 +44,18 @@ def _dot(a, b):
 
 
 @device
-def _sphere_entry(a, radius, d, square, outward, reach, nowhere):
+def _sphere_entry(a, radius, d, outward, reach, nowhere):
     """Returns (distance at which a ray enters the sphere at an end of a segment, whether the sphere is visible there).
 
     The distance is `nowhere` if the ray misses it. a: the centre, relative to the ray's origin. radius: negative at a loose end.
-    d: the ray's direction. square: the inverse of its squared length. outward: the axis, towards this end. reach: times the
-    radius, how far along it the sphere is visible.
+    d: the ray's unit direction. outward: the axis, towards this end. reach: times the radius, how far along it the sphere is
+    visible.
     """
     zero = splat_like(radius, _ZERO)
-    t = _dot(a, d) * square
+    t = _dot(a, d)
     x, y, z = t * d[0] - a[0], t * d[1] - a[1], t * d[2] - a[2]
     rest = radius * radius - (x * x + y * y + z * z)
-    step = sqrt(maximum(rest, zero) * square)
+    step = sqrt(maximum(rest, zero))
     beyond = outward[0] * x + outward[1] * y + outward[2] * z - step * _dot(outward, d)
     return select(less_equal(zero, rest), t - step, nowhere), less_equal(beyond, reach * radius) | less(radius, zero)
 
@@ -72,19 +72,21 @@ def intersect_curve(a, b, first_radius, last_radius, reach, d):
     one = splat_like(reach, _ONE)
     nowhere = splat_like(reach, np.float32(np.inf))
     radius, end_radius = maximum(first_radius, zero - first_radius), maximum(last_radius, zero - last_radius)
-    square = one / _dot(d, d)
+    # With a unit direction: that of a shadow ray to an infinite distance has a length of 1e18, which leaves float32 little range.
+    inverse = one / sqrt(_dot(d, d))
+    d = d[0] * inverse, d[1] * inverse, d[2] * inverse
     axis = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     taper = radius - end_radius
     length2 = _dot(axis, axis)
     across = _cross(axis, d)
-    sine2 = _dot(across, across)  # of the angle, times the squared lengths of both
+    sine2 = _dot(across, across)  # of the angle, times the squared length of the axis
     along = _dot(axis, d)
-    limit = splat_like(radius, _PARALLEL) * length2 * _dot(d, d)
+    limit = splat_like(radius, _PARALLEL) * length2
     # The point of the ray nearest to the axis; for nearly parallel rays, that nearest to a.
     base = select(
         less(limit, sine2),
         (zero - _dot(_cross(a, axis), across)) / maximum(sine2, splat_like(radius, _TINY)),
-        _dot(a, d) * square,
+        _dot(a, d),
     )
     o = base * d[0] - a[0], base * d[1] - a[1], base * d[2] - a[2]
     beside = _cross(axis, o)
@@ -92,7 +94,7 @@ def intersect_curve(a, b, first_radius, last_radius, reach, d):
     slope2 = taper * taper
     lift = taper * radius
     cone2 = length2 - slope2
-    k2 = sine2 - slope2 * _dot(d, d)
+    k2 = sine2 - slope2
     k1 = _dot(across, beside) - slope2 * m3 + along * lift
     k0 = _dot(beside, beside) - slope2 * m5 + (m1 + m1) * lift - length2 * radius * radius
     rest = k1 * k1 - k0 * k2
@@ -100,8 +102,8 @@ def intersect_curve(a, b, first_radius, last_radius, reach, d):
     y = m1 - lift + step * along
     on_cone = less_equal(zero, rest) & less(zero, y) & less(y, cone2)
     inward = zero - axis[0], zero - axis[1], zero - axis[2]
-    first, first_visible = _sphere_entry(a, first_radius, d, square, inward, reach, nowhere)
-    last, last_visible = _sphere_entry(b, last_radius, d, square, axis, reach, nowhere)
+    first, first_visible = _sphere_entry(a, first_radius, d, inward, reach, nowhere)
+    last, last_visible = _sphere_entry(b, last_radius, d, axis, reach, nowhere)
     is_last = less(last, first)
     t = select(on_cone, base + step, select(is_last, last, first))
     s = select(on_cone, y / cone2, select(is_last, one, zero))
@@ -109,7 +111,7 @@ def intersect_curve(a, b, first_radius, last_radius, reach, d):
     hit = on_cone | (visible & less(t, nowhere))
     wide = sqrt(sine2) * (radius - s * taper)
     h = (zero - _dot(o, across)) / maximum(wide, splat_like(radius, _TINY))
-    return hit, t, s, minimum(maximum(h, zero - one), one)
+    return hit, t * inverse, s, minimum(maximum(h, zero - one), one)
 
 
 @device

@@ -278,6 +278,7 @@ def _triangle_surface(scene, wo, hit):
     if scene.has.hair is not None:
         curved = u32(j) == u32(k)
         smooth = smooth & not_(curved)
+        front = front | curved  # the normal of their triangle (a, b, b) is a rounding error
     lift = none, none, none
     if any_of(smooth):
         raised = lifted(corners, normals, point, u, v, shading, where3(front, upright, vec.neg(upright)))

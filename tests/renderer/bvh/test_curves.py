@@ -173,3 +173,18 @@ def test_rays_from_inside_leave_a_strand():
     inside *= 0.9 * r / np.linalg.norm(inside, axis=1, keepdims=True) * random.random((len(at), 1)) ** (1 / 3)
     _, number = trace(tree, np.column_stack([np.cos(at), np.sin(at), 0 * at]) + inside, d)
     assert (number[:, 0] >= 0).mean() < 0.02
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_shadow_rays_to_an_infinite_distance(scale):
+    """Rays whose direction has a length of 1e18 hit what those of unit length hit, whether they start outside or inside."""
+    position, triangle, radius = grown()
+    tree = build(position * np.float32(scale), triangle, np.zeros((0, 4), np.float32), radius=radius * np.float32(scale))
+    o, d = rays(3000)
+    centre = (position[triangle[:, 0]] + position[triangle[:, 1]]) / 2
+    for start in (o, centre[np.arange(3000) % len(centre)]):
+        unit, far = (trace(tree, start * np.float32(scale), d * np.float32(length))[1] for length in (1, 1e18))
+        assert 0.01 < (unit[:, 0] >= 0).mean() < 0.9
+        assert (unit[:, 0] == far[:, 0]).mean() > 0.999
+        assert ((unit[:, 0] >= 0) == (far[:, 1] != 0)).mean() > 0.999
