@@ -41,7 +41,8 @@ class Denoising(ArtifactTask[DenoiseFrame]):
         Their jobs were deleted, but an earlier run was killed before it stored that.
         """
         with self._lock:
-            self._made = {key: made for key, made in self._made.items() if key[0] in jobs}
+            for key in [key for key in self._made if key[0] not in jobs]:
+                del self._made[key]
             return {made.sha256 for made in self._made.values()}
 
     def _save_made(self) -> None:
