@@ -22,7 +22,7 @@ def test_sunlit_segments_are_as_bright_as_tubes(scale: float) -> None:
     """The scales of the fibre are tilted towards its root, so a mirrored frame would change its brightness by a third."""
     height = np.linspace(-3, 3, 9)
     points = np.column_stack([0.05 * height + 0.3, height, np.full(9, 0.2)]) * scale
-    curve = strands_mesh([Strand(points, np.full(9, 0.03 * scale), steps=3)], fibres=True)
+    curve = strands_mesh([Strand(points, np.full(9, 0.03 * scale))], fibres=True)
     assert has_curves(curve)
     found = []
     for mesh in (curve, round_tubes(curve, sides=48)):
