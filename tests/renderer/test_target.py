@@ -186,6 +186,7 @@ if len(sys.argv) > 1:  # another kernel must be compiled after one was loaded
 """
 
 
+@pytest.mark.long
 def test_loading_a_kernel_needs_none_of_numbas_declarations(tmp_path: Path) -> None:
     """Loading a compiled kernel does not import Numba's declarations, which take three quarters of a worker's loading time."""
     program = tmp_path / "kernels.py"
