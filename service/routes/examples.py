@@ -24,8 +24,8 @@ router = api_router(prefix="/api/examples", tags=["examples"])
 class ExampleOut(BaseModel):
     """An example scene.
 
-    frames, fps: values for the same fields of `POST /api/jobs`, if the example is an animation. scenes: ids of the scenes that were
-    opened from it.
+    frames, fps: values for the same fields of `POST /api/jobs`, if the example is an animation. scenes: ids of the scenes that
+    were opened from it.
     """
 
     name: str

@@ -56,7 +56,10 @@ def test_opened_example_has_its_shipped_picture_or_else_its_thumbnail(page: Page
     page.route("**/gone.jpg", lambda route: route.fulfill(status=404))
     for id, url in (("s1", "/shipped.svg"), ("s2", "/gone.jpg")):
         call(page, "news/example-pictures", "m.examplePictures.set(...a);", [id, url])
-    body = "document.body.replaceChildren(...a.map((scene) => { const { element, update } = m.sceneCard(scene); update(scene); return element; }));"
+    body = """
+        const cards = a.map((scene) => [m.sceneCard(scene), scene]);
+        document.body.replaceChildren(...cards.map(([{ element }]) => element));
+        for (const [card, scene] of cards) card.update(scene);"""
     call(page, "views/scene-card", body, [{**scene(i, f"Example {i}"), "thumbnail": "its own"} for i in (1, 2, 3)])
     images = page.locator(".card .picture img")
     expect(images.nth(0)).to_have_attribute("src", "/shipped.svg")

@@ -19,9 +19,9 @@ export function viewMore(around, ...controls) {
   const isOpen = () => button.getAttribute("aria-expanded") === "true";
   const show = (/** @type {boolean} */ on) => button.setAttribute("aria-expanded", String(on));
   const isOutside = (/** @type {EventTarget | null} */ target) => target instanceof Node && !button.contains(target) && !rest.contains(target);
-  for (const part of [button, rest]) {
-    part.addEventListener("focusout", ({ relatedTarget }) => isOutside(relatedTarget) && show(false));
-    part.addEventListener("keydown", (event) => {
+  for (const part of /** @type {HTMLElement[]} */ ([button, rest])) {
+    part.addEventListener("focusout", (/** @type {FocusEvent} */ { relatedTarget }) => isOutside(relatedTarget) && show(false));
+    part.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
       if (event.key !== "Escape" || !isOpen()) return;
       event.preventDefault();
       event.stopPropagation(); // Escape has a page-wide meaning too
