@@ -9,7 +9,7 @@ from pathlib import Path
 from service.intake.multipart import Form
 from service.store.blobs import BlobStore
 
-__all__ = ["TITLE", "Example", "examples", "form_of"]
+__all__ = ["TITLE", "Example", "examples", "files_of", "form_of"]
 
 # Taken from the scene file: its first comment is the description, its field `name` the title.
 DESCRIPTION = re.compile(r"\A# *(.+)")
@@ -43,7 +43,7 @@ def form_of(example: Example, path: Path, blobs: BlobStore) -> Form:
     """Returns an example as the form that a client would upload."""
     form = Form({"name": example.title, "main": path.name})
     try:
-        for part, file in _files_of(path):
+        for part, file in files_of(path):
             writer = blobs.writer()
             form.files.append((part, writer))
             writer.write(file.read_bytes())
@@ -54,7 +54,7 @@ def form_of(example: Example, path: Path, blobs: BlobStore) -> Form:
     return form
 
 
-def _files_of(path: Path) -> list[tuple[str, Path]]:
+def files_of(path: Path) -> list[tuple[str, Path]]:
     """Returns all files of an example as (name in the upload, path)."""
     if path.parent.name != path.stem:
         return [(path.name, path)]

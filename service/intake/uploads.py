@@ -31,7 +31,7 @@ from service.store.garbage import Garbage
 from service.store.models import Scene
 from service.store.staging import BlobWriter, commit_all
 
-__all__ = ["Upload", "changed_upload", "joined_chunks", "light_text", "receive_upload", "sky_text", "store_form"]
+__all__ = ["Upload", "changed_upload", "joined_chunks", "light_text", "receive_upload", "scene_id", "sky_text", "store_form"]
 
 PIECE = 1 << 20
 STATED_WITHIN = 1 << 16  # bytes of a YAML file in which its name is looked for
@@ -155,7 +155,7 @@ def store_form(
                 _stored_up_axis(_choice_field("up", form, UPS), chosen.main),
                 _stored_floor(_choice_field("floor", form, FLOORS)),
             )
-            id = _scene_id(refs, chosen.main, environment, None, up, floor)
+            id = scene_id(refs, chosen.main, environment, None, up, floor)
             upload = Upload(id, name, chosen.main, environment, refs, notes, up=up, floor=floor)
             return record(upload.as_strict() if is_strict else upload)
     finally:
@@ -219,7 +219,7 @@ def _record_added_files(
             main, notes = _choose_main_file([ref.path for ref in refs], requested)
             variant, up = (variant, up) if main == scene.main else (None, None)
             name = PurePosixPath(main).stem if name == PurePosixPath(scene.main).stem else name
-        id = _scene_id(refs, main, scene.environment, variant, up, scene.floor)
+        id = scene_id(refs, main, scene.environment, variant, up, scene.floor)
         upload = Upload(id, name, main, scene.environment, refs, notes, variant, up=up, floor=scene.floor)
         return record(upload.as_strict() if (scene.strict if is_strict is None else is_strict) else upload)
 
@@ -315,7 +315,7 @@ def changed_upload(
     variant = scene.variant if variant is None else _variant_of(scene, variant)
     up = scene.up if up is None else _stored_up_axis(up, scene.main)
     floor = scene.floor if floor is None else _stored_floor(floor)
-    id = _scene_id(files, scene.main, environment, variant, up, floor)
+    id = scene_id(files, scene.main, environment, variant, up, floor)
     upload = Upload(id, scene.name, scene.main, environment, files, scene.notes, variant, up=up, floor=floor)
     upload = upload.as_strict() if scene.strict else upload
     return replace(upload, id=id_in_project(scene.project, upload.id))
@@ -385,7 +385,7 @@ def _sky_of(text: str) -> str:
     return sky_text(elevation, azimuth)
 
 
-def _scene_id(
+def scene_id(
     files: list[BlobRef],
     main: str,
     environment: str | None,
@@ -393,6 +393,7 @@ def _scene_id(
     up: str | None = None,
     floor: str | None = None,
 ) -> str:
+    """Returns the id of a scene: a hash of its files, sorted by path, and of the choices that change it."""
     content: list[Any] = [[asdict(ref) for ref in files], main, environment, *([] if variant is None else [variant])]
     if up is not None or floor is not None:  # so that other scenes keep the ids of earlier releases
         content.append({"up": up, "floor": floor})

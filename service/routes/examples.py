@@ -13,6 +13,7 @@ from service.http.visit import IntoProject, VisitDependency
 from service.intake.examples import examples
 from service.models.scenes import SceneOut
 from service.scenes.describe import scene_out
+from service.scenes.examples import scenes_of_examples
 from service.scenes.upload import open_example as store_example
 
 __all__ = ["router"]
@@ -21,19 +22,26 @@ router = api_router(prefix="/api/examples", tags=["examples"])
 
 
 class ExampleOut(BaseModel):
-    """An example scene. frames, fps: values for the same fields of `POST /api/jobs`, if the example is an animation."""
+    """An example scene.
+
+    frames, fps: values for the same fields of `POST /api/jobs`, if the example is an animation. scenes: ids of the scenes that
+    were opened from it.
+    """
 
     name: str
     title: str
     description: str
     frames: str | None
     fps: float | None
+    scenes: list[str]
 
 
 @router.get("", response_model=list[ExampleOut])
-def list_examples(farm: FarmDependency) -> list[ExampleOut]:
+def list_examples(farm: FarmDependency, visit: VisitDependency) -> list[ExampleOut]:
     """Lists the example scenes by name."""
-    return [ExampleOut(**asdict(example)) for example, _ in examples(farm.settings.examples)]
+    found = examples(farm.settings.examples)
+    opened = scenes_of_examples([path for _, path in found], visit, farm)
+    return [ExampleOut(**asdict(example), scenes=scenes) for (example, _), scenes in zip(found, opened, strict=True)]
 
 
 @router.post("/{name}", status_code=201, response_model=SceneOut)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 import pytest
@@ -46,6 +47,25 @@ def test_few_scenes_have_no_search(page: Page) -> None:
     call(page, "views/scene-grid", SHOW, [scene(i, f"Take {i}") for i in range(5)])
     expect(page.locator(".card")).to_have_count(5)
     expect(page.get_by_label("Search scenes")).to_be_hidden()
+
+
+@pytest.mark.long
+def test_opened_example_has_its_shipped_picture_or_else_its_thumbnail(page: Page) -> None:
+    picture = '<svg xmlns="http://www.w3.org/2000/svg" width="3" height="2"/>'
+    page.route("**/shipped.svg", lambda route: route.fulfill(content_type="image/svg+xml", body=picture))
+    page.route("**/gone.jpg", lambda route: route.fulfill(status=404))
+    for id, url in (("s1", "/shipped.svg"), ("s2", "/gone.jpg")):
+        call(page, "news/example-pictures", "m.examplePictures.set(...a);", [id, url])
+    body = """
+        const cards = a.map((scene) => [m.sceneCard(scene), scene]);
+        document.body.replaceChildren(...cards.map(([{ element }]) => element));
+        for (const [card, scene] of cards) card.update(scene);"""
+    call(page, "views/scene-card", body, [{**scene(i, f"Example {i}"), "thumbnail": "its own"} for i in (1, 2, 3)])
+    images = page.locator(".card .picture img")
+    expect(images.nth(0)).to_have_attribute("src", "/shipped.svg")
+    expect(images.nth(0)).to_have_class("loaded")
+    for i in (1, 2):
+        expect(images.nth(i)).to_have_attribute("src", re.compile(f"scenes/s{i + 1}/thumbnail"))
 
 
 def answer(route: Route, found: list[dict[str, Any]]) -> None:

@@ -61,7 +61,7 @@ def test_form_opened_as_shot_requests_whole_clip(page: Page, scene: dict[str, An
 
 @pytest.mark.long
 def test_animated_example_shows_duration_and_opens_as_shot(page: Page) -> None:
-    told = {"name": "toy", "title": "A toy", "description": "It moves."}
+    told = {"name": "toy", "title": "A toy", "description": "It moves.", "scenes": []}
     page.route("**/api/examples", lambda route: route.fulfill(json=[{**told, "frames": "0-95", "fps": 24}]))
     page.route("**/api/examples/toy", lambda route: route.fulfill(json={**MOVES, "id": "abc"}))
     call(page, "news/farm", "m.scenes.set([]);")  # examples are listed after scenes

@@ -33,6 +33,31 @@ def test_sides_are_never_equal(watched: Watched, site) -> None:  # type: ignore[
 
 
 @pytest.mark.long
+def test_less_used_controls_open_by_keyboard_and_close_with_escape(watched: Watched, site) -> None:  # type: ignore[no-untyped-def]
+    page = watched.page
+    page.goto(f"{site.url}/blank")
+    body = """
+        window.escapes = 0;
+        addEventListener("keydown", ({ key }) => (window.escapes += key === "Escape"));
+        const control = Object.assign(document.createElement("button"), { textContent: "Denoise" });
+        document.body.replaceChildren(...m.viewMore(document.body, control));"""
+    call(page, "scene/view-more", body)
+    more = page.get_by_role("button", name="More")
+    expect(more).to_have_attribute("aria-expanded", "false")
+    more.focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Tab")
+    expect(page.get_by_role("button", name="Denoise")).to_be_focused()
+    expect(more).to_have_attribute("aria-expanded", "true")
+    page.keyboard.press("Escape")
+    expect(more).to_be_focused()
+    expect(more).to_have_attribute("aria-expanded", "false")
+    assert page.evaluate("window.escapes") == 0, "Escape had a page-wide meaning, too"
+    more.press("Escape")
+    assert page.evaluate("window.escapes") == 1
+
+
+@pytest.mark.long
 def test_pictures_are_shown_in_place_of_view(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]

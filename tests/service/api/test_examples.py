@@ -14,7 +14,7 @@ from tests.service.conftest import Service
 def test_example_equals_its_upload(service: Service) -> None:
     examples = {example["name"]: example for example in service.http.get("/api/examples").json()}
     box = examples["cornell-box"]
-    assert box["title"] == "Cornell box" and box["description"].endswith(".")
+    assert box["title"] == "Cornell box" and box["description"].endswith(".") and box["scenes"] == []
 
     opened = service.http.post("/api/examples/cornell-box")
     assert opened.status_code == 201 and opened.json()["name"] == box["title"]
@@ -31,6 +31,7 @@ def test_example_includes_all_its_files(service: Service) -> None:
     uploaded = service.http.post("/api/scenes", files=files)
     assert uploaded.json()["id"] == opened.json()["id"]
     known = {example["name"]: example for example in service.http.get("/api/examples").json()}
+    assert known["christmas"]["scenes"] == [opened.json()["id"]] and known["cornell-box"]["scenes"] == []
     assert known["christmas"]["description"].startswith("A village in the snow")
     assert list(known) == sorted(known)
 

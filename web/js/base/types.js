@@ -306,7 +306,7 @@
  *
  * @typedef {{defaults: {width: number, height: number, spp: number}, settings: Setting[], view: Setting[], work: Setting[], shot: Setting[], channels: Channel[], version?: string, views?: DisplayView[]}} SettingsTable
  *
- * @typedef {{name: string, title: string, description: string, frames: string | null, fps: number | null}} Example
+ * @typedef {{name: string, title: string, description: string, frames: string | null, fps: number | null, scenes: string[]}} Example scenes: ids of those opened from it
  *
  * @typedef {[number, number, number]} Spot x, y, w: visible at x / w, y / w of the picture if w > 0
  *

@@ -1,2 +1,2 @@
-/** Pictures of the examples that this page opened, by scene: shown until the scene is ready. @type {Map<string, string>} */
+/** Pictures of the examples by the scenes opened from them: shown until there are better ones. @type {Map<string, string>} */
 export const examplePictures = new Map();

@@ -28,6 +28,7 @@ import { startOfTake } from "./form-start.js";
 import { sunHand } from "./sun-hand.js";
 import { takes } from "./takes.js";
 import { viewHand } from "./view-hand.js";
+import { viewMore } from "./view-more.js";
 import { ViewFilm } from "./view-film.js";
 import { ViewLink } from "./view-link.js";
 import { viewStage } from "./view-stage.js";
@@ -458,7 +459,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     },
   });
   const toolBar = h("div", { class: "view-tool-bar" }, [...tools.buttons.values()], saved.save);
-  const looks = h("div", { class: "view-looks" }, h("label", { class: "view-exposure" }, icon("exposure"), exposure, shown), clear.element, denoise.element, curve);
+  const looks = h("div", { class: "view-looks" }, h("label", { class: "view-exposure" }, icon("exposure"), exposure, shown), viewMore(frame, clear.element, denoise.element, curve));
   const pills = h("div", { class: "view-pills" }, state, said, dark);
   const stage = viewStage({
     ...{ scene: scene.id, sides, live: film, look, names },

@@ -11,6 +11,7 @@ import { mayChange } from "../news/projects.js";
 import * as api from "../news/takes.js";
 import { here, onParams, setParams } from "../shell/router.js";
 import { addShortcuts } from "../shell/shortcuts.js";
+import { hadTakes, noteTakes } from "./had-takes.js";
 import { announce, showError, undoable } from "../shell/tray.js";
 
 /** @typedef {import("../base/types.js").Take} Take */
@@ -32,12 +33,13 @@ export function takes(scene, { state, picture, restore }) {
   /** @type {Take[]} */
   let known = [];
   let isLoaded = false;
+  const isExpected = hadTakes(scene.id);
   /** Takes that are being deleted. @type {Set<string>} */
   const leaving = new Set();
   /** The take that the view shows, and the view's state since then. @type {{id: string, state: string} | null} */
   let current = null;
 
-  const save = h("button", { class: "button small for-submit", type: "button", title: t("Save the camera, light and settings as a take (T)"), onclick: () => void keep() }, icon("keep"), t("Save take"));
+  const save = h("button", { class: "button small for-submit", type: "button", title: t("Save the camera, light and settings as a take (T)"), "aria-label": t("Save take"), onclick: () => void keep() }, icon("keep"), h("span", { class: "view-word" }, t("Save take")));
   const name = noteAuthor();
   name.show();
   const list = h("ul", { class: "strip" });
@@ -51,7 +53,8 @@ export function takes(scene, { state, picture, restore }) {
   const show = () => {
     const shown = known.filter(({ id }) => !leaving.has(id));
     rows(shown);
-    element.hidden = shown.length === 0;
+    element.hidden = shown.length === 0 && (isLoaded || !isExpected);
+    if (isLoaded) noteTakes(scene.id, known.length > 0);
   };
   const stateText = () => JSON.stringify(state());
   /** @param {string | null} id */
@@ -88,11 +91,10 @@ export function takes(scene, { state, picture, restore }) {
       known = found;
       if (current && !found.some(({ id }) => id === current?.id)) setCurrent(null);
       for (const take of added) announce(take.author ? t("{author} saved {name}", { author: take.author, name: take.name }) : t("New take: {name}", { name: take.name }));
+      const isFirst = !isLoaded;
+      isLoaded = true;
       show();
-      if (!isLoaded) {
-        isLoaded = true;
-        follow();
-      }
+      if (isFirst) follow();
     } catch (error) {
       if (!isLoaded) showError(t("The takes cannot be shown"), error, { ofPage: true });
     }
@@ -145,6 +147,7 @@ export function takes(scene, { state, picture, restore }) {
   life.add(onParams(follow));
   life.add(addShortcuts([{ keys: "T", does: t("Save a take"), run: () => void keep() }]));
   life.every(TICK_MS, show);
+  show();
   return {
     element,
     save,

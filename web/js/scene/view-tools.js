@@ -42,7 +42,7 @@ export function viewTools(surface, tools, tell) {
         "button",
         { ...{ class: "button small", type: "button", title, "aria-label": label, "aria-pressed": "false" }, onclick: () => choose(current?.name === name ? "" : name) },
         icon(face),
-        short,
+        h("span", { class: "view-word" }, short),
       ),
     ]),
   );

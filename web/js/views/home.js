@@ -76,7 +76,13 @@ export function homeView() {
 
   // Thumbnails of examples are large, so the existing scenes load first on a slow line.
   const told = new Promise((done) => life.add(scenes.subscribe((all) => all && done(null))));
-  Promise.all([getExamples(), getComparisons(), told]).then(
+  const listed = getExamples();
+  const illustrate = (/** @type {Example[]} */ examples) => {
+    for (const example of examples) for (const id of example.scenes) examplePictures.set(id, pictureOf(example));
+    refresh();
+  };
+  listed.then(illustrate, () => {}); // the section of the examples stays hidden
+  Promise.all([listed, getComparisons(), told]).then(
     ([examples, comparisons]) => {
       const all = inOrder(examples);
       fill(exampleGrid, all.map(exampleCard));

@@ -16,9 +16,9 @@ let refused = null;
 const REFUSED = {
   cancelled: t("The login was not finished at the provider. Try again."),
   late: t("That login was begun too long ago, or in another browser. Try again."),
-  provider: t("The provider cannot be reached, or its answer is not right. Try again, or ask who runs this farm."),
-  role: t("The provider knows you, but you have no role on this farm. Ask whoever runs it."),
-  name: t("Your name is taken by somebody else on this farm, or is not allowed here. Ask whoever runs it."),
+  provider: t("The provider cannot be reached, or its answer is not right. Try again, or ask the administrator of this farm."),
+  role: t("The provider knows you, but you have no role here. Ask the administrator of this farm."),
+  name: t("Your name is taken by somebody else, or is not allowed here. Ask the administrator of this farm."),
 };
 
 /**
@@ -76,7 +76,7 @@ export function loginView(code) {
     problem,
     button,
     known.value.provider && h("a", { class: "button large", href: "api/login/openid" }, t("Log in with {provider}", { provider: known.value.provider })),
-    h("p", { class: "quiet" }, t("No password yet? Ask whoever runs this farm for a link.")),
+    h("p", { class: "quiet" }, t("No password yet? Ask the administrator of this farm for a link.")),
   );
   if (refused) problem.textContent = REFUSED[refused] ?? "";
   if (code) void enter({ link: code });

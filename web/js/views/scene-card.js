@@ -112,20 +112,25 @@ function shortFacts(scene) {
 export function thumbnail() {
   const element = h("div", { class: "picture" }, icon("cube"));
   let shown = "";
+  /** @param {string} url @param {string} instead shown if there is no picture at `url` */
+  const show = (url, instead) => {
+    if (!url) return element.replaceChildren(icon("cube"));
+    const image = h("img", { src: url, alt: "", loading: "lazy" });
+    image.addEventListener("load", () => image.classList.add("loaded"), { once: true });
+    image.addEventListener("error", () => image.isConnected && show(instead, ""), { once: true });
+    element.replaceChildren(icon("cube"), image);
+  };
   return {
     element,
     /**
      * @param {Scene} scene
-     * @param {string} [better] a rendered picture of it
+     * @param {string} [better] a better picture of it, rendered by a job or shipped with an example
      */
     update(scene, better) {
-      const url = better ?? (scene.thumbnail ? thumbnailUrl(scene.id) : "");
-      if (url === shown) return;
-      shown = url;
-      if (!url) return element.replaceChildren(icon("cube"));
-      const image = h("img", { src: url, alt: "", loading: "lazy" });
-      image.addEventListener("load", () => image.classList.add("loaded"), { once: true });
-      element.replaceChildren(icon("cube"), image);
+      const own = scene.thumbnail ? thumbnailUrl(scene.id) : "";
+      if ((better ?? own) === shown) return;
+      shown = better ?? own;
+      show(shown, own === shown ? "" : own);
     },
   };
 }

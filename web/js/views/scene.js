@@ -219,8 +219,7 @@ function ready(page, scene, life) {
         "div",
         { class: "workspace-view" },
         h("div", { class: "workspace-top" }, view.element),
-        view.takes,
-        renderStrip(scene.id, sides, life),
+        h("div", { class: "strips" }, view.takes, renderStrip(scene.id, sides, life)),
         facts(scene),
       ),
       h(

@@ -1,0 +1,36 @@
+"""Finds the scenes that were opened from the examples."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from sqlalchemy import select
+
+from protocol.contract import BlobRef
+from service.access.visit import Visit
+from service.farm import Farm
+from service.intake.examples import files_of
+from service.intake.projects import id_in_project
+from service.intake.uploads import scene_id
+from service.store.models import Scene
+
+__all__ = ["scenes_of_examples"]
+
+
+def scenes_of_examples(paths: list[Path], visit: Visit, farm: Farm) -> list[list[str]]:
+    """Returns for each example the ids of the existing scenes with exactly its files, one at most in each project.
+
+    paths: scene files of the examples. Only scenes that the caller may see are returned, and none with another light or variant.
+    """
+    projects = ["", *farm.access.projects.visible_names(visit.sight)]
+    possible = [[id_in_project(project, _id_of(path)) for project in projects] for path in paths]
+    with farm.sessions() as session:
+        existing = set(session.scalars(select(Scene.id).where(Scene.id.in_([id for ids in possible for id in ids]))))
+    return [[id for id in ids if id in existing] for ids in possible]
+
+
+def _id_of(path: Path) -> str:
+    """Returns the id of an example's scene outside of projects."""
+    files = [(name, file.read_bytes()) for name, file in files_of(path)]
+    return scene_id([BlobRef(name, hashlib.sha256(data).hexdigest(), len(data)) for name, data in sorted(files)], path.name, None)
