@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from functools import cache
 from pathlib import Path
 
 from sqlalchemy import select
@@ -30,7 +31,8 @@ def scenes_of_examples(paths: list[Path], visit: Visit, farm: Farm) -> list[list
     return [[id for id in ids if id in existing] for ids in possible]
 
 
+@cache
 def _id_of(path: Path) -> str:
-    """Returns the id of an example's scene outside of projects."""
+    """Returns the id of an example's scene outside of projects. Its files are read once."""
     files = [(name, file.read_bytes()) for name, file in files_of(path)]
     return scene_id([BlobRef(name, hashlib.sha256(data).hexdigest(), len(data)) for name, data in sorted(files)], path.name, None)
