@@ -30,6 +30,7 @@ def bytes_per_path(options: Options) -> int:
 
 
 def _columns(options: Options) -> int:
+    """Returns the number of float32 in a path's row, with its light by group and path."""
     return LAYOUT.width + int(options.group_rows) * GROUP_ROW
 
 

@@ -53,7 +53,7 @@ _LEAST_SHRINK = 0.25  # of its radius
 _KEPT = 0.99  # of its segments, which the shrunk portal contains
 _FAR = 1e30
 _LEAST = 1e-30
-_OF_RECORDS = 16  # every so many records give the frames of grids
+_STRIDE = 16  # a grid's frame is measured from every 16th record
 
 
 class Segments(NamedTuple):
@@ -78,7 +78,7 @@ def segments_of(records: Records) -> Segments:
     """Returns the segments of records of whole paths."""
     column = np.ascontiguousarray(records.T)  # one column after the other: a tenth of a second less for a million records
     points = column[RECORD_POINT : RECORD_POINT + 3].T
-    cell = cells_of(column.T, frame_of(points[::_OF_RECORDS]))
+    cell = cells_of(column.T, frame_of(points[::_STRIDE]))
     light = arriving(column.T, cell, int(cell.max()) + 1)
     normal, direction = (column[k : k + 3].T for k in (RECORD_NORMAL, RECORD_DIRECTION))
     cosine, scale = _dot(normal, direction), column[RECORD_SCALE]
@@ -96,7 +96,7 @@ def learn_portals(segments: Segments) -> Guide | None:
     """Returns a guide of the portals of the segments' region; None if it has none."""
     if not (segments.radiance > 0).any():
         return None
-    frame = frame_of(segments.point[::_OF_RECORDS].astype(np.float32), _CUBES)
+    frame = frame_of(segments.point[::_STRIDE].astype(np.float32), _CUBES)
     cube, cubes = _cube_of(segments, frame)
     portals = _find(segments, _parts(segments, cube, cubes))
     if not portals:

@@ -91,7 +91,7 @@ def test_preparation_steps_are_timed(node: Node) -> None:
 
 
 def test_kept_picture_serves_near_cameras(node: Node) -> None:
-    """0 for its own camera, which shows the picture as it is; 1 where it is of no use: turned far, or of another projection."""
+    """The distance is 0 for the picture's own camera, and 1 after a large turn or with another projection."""
     body = """
         const kept = Object.create(m.KeptPicture.prototype, { view: { value: a.from } });
         return a.to.map((view) => kept.distance(view));"""

@@ -48,7 +48,7 @@ def fur(count: int, radius: float) -> str:
 @pytest.mark.long
 @pytest.mark.parametrize("count, radius", [(400, 0.02), (4000, 0.008)])
 def test_fur_is_as_bright_as_mitsubas(count: int, radius: float, tmp_path: Path) -> None:
-    """Whole pictures differ by at most 1.5 %, blocks of 8 x 8 pixels by 3 % on average,."""
+    """Whole pictures differ by at most 1.5 %, blocks of 8 x 8 pixels by 3 % on average."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
     (tmp_path / "fur.txt").write_text(fur(count, radius))

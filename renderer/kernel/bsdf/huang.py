@@ -76,7 +76,7 @@ class Fibre(NamedTuple):
 
 
 class Exit(NamedTuple):
-    """A boundary from inside: a ray arrives at it with some light."""
+    """The point where a ray inside the fibre meets its surface, and the light that it may refract out there."""
 
     towards: tuple[float, float, float]  # unit, back along the ray
     normal: tuple[float, float, float]  # inwards
@@ -210,9 +210,10 @@ def _absorbed(fibre, length):
 
 @device
 def _left_later(light, loss, reflected, passed):
-    """Returns the light that leaves at last, of that which a boundary reflects inside.
+    """Returns the light that leaves the fibre after further internal reflections, rgb.
 
-    loss: light left after one crossing, rgb. reflected: reflectance here; passed: mean transmittance of the boundaries.
+    light: that arrives at this boundary, rgb. loss: transmittance of one crossing, rgb. reflected: reflectance here. passed: mean
+    transmittance of the boundaries.
     """
     kept = _ONE - passed
     return (

@@ -160,7 +160,7 @@ def test_projected_area_of_a_strand():
 
 @pytest.mark.long
 def test_rays_from_inside_leave_a_strand():
-    """Of rays that start inside a bent strand, hardly any hit the spheres at its joints, or its other segments."""
+    """At most 2 % of the rays that start inside a bent strand hit it again, at a joint or another segment."""
     points, r, random = 25, 0.02, np.random.default_rng(3)
     turn = np.linspace(0, 1.5, points)
     position = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn]).astype(np.float32)

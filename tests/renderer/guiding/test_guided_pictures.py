@@ -97,7 +97,7 @@ def test_both_backends_have_the_same_bits(guide: str, monkeypatch: pytest.Monkey
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["rooms", "a coat and cloth", "lamps in glass by metal and plastic"])
 def test_cards_have_the_same_bits(name: str, guide: str, monkeypatch: pytest.MonkeyPatch):
-    """By the card's kernels on the processor, of the variants plain, full and aimed."""
+    """The card's kernels run on the processor, in the variants plain, full and aimed."""
     compiled, asked = (lambda: ROOMS, PICTURE) if name == "rooms" else FEATURES[name]
     monkeypatch.setitem(FEATURES, name, (compiled, replace(asked, guiding="on")))
     wave, (film, stats) = run(name), of_cpu(name)

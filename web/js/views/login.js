@@ -18,7 +18,7 @@ const REFUSED = {
   late: t("That login was begun too long ago, or in another browser. Try again."),
   provider: t("The provider cannot be reached, or its answer is not right. Try again, or ask the administrator of this farm."),
   role: t("The provider knows you, but you have no role here. Ask the administrator of this farm."),
-  name: t("Your name is taken by somebody else, or is not allowed here. Ask the administrator of this farm."),
+  name: t("This name is already in use or not allowed here. Ask the administrator of this farm."),
 };
 
 /**

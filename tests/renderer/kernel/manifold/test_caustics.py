@@ -183,10 +183,10 @@ def test_trial_limit_reduces_improbable_solutions(monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.long
 def test_walks_beyond_the_edge_of_a_caustic_find_nothing() -> None:
-    """Where a ball has no solution, though nearly one, no walk may take its end for one: none would ever find that again.
+    """Just beyond a caustic's edge there is no solution, and a walk that ends near one must not accept its last point.
 
-    The picture crosses the caustic's edge. Each such end would take thousands of walks, and count thousandfold: without the limit
-    on the last step 386 rays a sample, and pixels of 67,000.
+    The picture crosses the edge. No other walk would find an accepted point again, so its reciprocal probability would be
+    estimated in the thousands: without the limit on the last step a sample takes 386 rays, and pixels reach 67,000.
     """
     compiled = scene([MATT, GLASS], (FLOOR,), (Sphere((0, 0, 0), 0.5, 1),), lights=(POINT,))
     asked = settings((0.1036, -0.62, 0.0), (0.1036, -1.0, 0.0), fov=0.1, size=12, max_depth=3, caustics="on")
