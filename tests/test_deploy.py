@@ -292,7 +292,7 @@ def test_cluster_worker_options_exist(name: str, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("sys.argv", arguments[2:])
     options = _options()
     assert options.service == "http://rayfarm:8000"
-    assert (options.gpu, options.paired) == (("only", True) if name == "gpu-worker" else ("none", False))
+    assert (options.gpu, options.paired) == (("only", True) if name == "gpu-worker" else ("auto", False))
 
 
 def test_gpu_workers_request_gpus() -> None:
@@ -306,7 +306,7 @@ def test_gpu_workers_request_gpus() -> None:
     assert compose["environment"].items() > COMPOSE["worker"]["environment"].items()
 
 
-@pytest.mark.parametrize(("given", "gpu"), (({}, "none"), ({"SLURM_GPUS_ON_NODE": "1"}, "all")))
+@pytest.mark.parametrize(("given", "gpu"), (({}, "none"), ({"SLURM_GPUS_ON_NODE": "1"}, "auto")))
 def test_slurm_task_uses_its_gpus(given: dict[str, str], gpu: str, tmp_path: Path) -> None:
     program = tmp_path / "rayfarm"
     program.write_text('#!/bin/sh\necho "$@"\n')
