@@ -124,7 +124,7 @@ def test_a_frame_of_cores_and_a_card_has_the_digest_of_the_cores(farm: Farm, dri
 
 def test_farm_uses_a_card_that_passes_the_self_test(tmp_path: Path, driver: dict[str, str], expected: str) -> None:
     """`rayfarm up` without options starts a second worker for the card; a job of both has the digest of the cores."""
-    farm = start_farm(tmp_path / "data", 1, FAKE_CUDA_CARDS="RTX Test:8:6:8192,GTX Test:6:1:4096", **driver)
+    farm = start_farm(tmp_path / "data", 1, gpu="auto", FAKE_CUDA_CARDS="RTX Test:8:6:8192,GTX Test:6:1:4096", **driver)
     try:
         rows = lambda: {each["name"]: each for each in get(farm, "/api/workers").json()}  # noqa: E731
         wait_until(lambda: any(row["cards"] and row["state"] == "ready" for row in rows().values()), 120, "the card is used")
@@ -142,7 +142,7 @@ def test_farm_uses_a_card_that_passes_the_self_test(tmp_path: Path, driver: dict
 
 
 def test_farm_leaves_out_a_card_that_computes_other_bits(tmp_path: Path, inexact_driver: dict[str, str], expected: str) -> None:
-    farm = start_farm(tmp_path / "data", 1, **inexact_driver)
+    farm = start_farm(tmp_path / "data", 1, gpu="auto", **inexact_driver)
     try:
         (row,) = get(farm, "/api/workers").json()
         job = submit(farm, SPP, tile_size=16)
