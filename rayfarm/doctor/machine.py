@@ -73,7 +73,7 @@ def _cards() -> Iterator[Finding]:
     cards = find_cards()
     for card in cards.usable:
         if reason := failure_of(card):
-            yield note_finding("Card", reason, "A newer driver may mend it; `python -m renderer.cuda.self_test` tests it again.")
+            yield note_finding("Card", reason, "A newer driver may mend it; `python -m renderer.self_test` tests it again.")
             continue
         tested = kernels_with_verdicts(card)
         state = f"passed the self-test of the kernels {', '.join(tested)}" if tested else "a worker tests it before it uses it"

@@ -1,4 +1,4 @@
-"""The self-test of graphics cards (self_test.py) in a child process, and its results, which are kept in this machine's cache.
+"""The self-test of graphics cards (renderer/self_test) in a child process, and its results, kept in this machine's cache.
 
 There is one file for each card, driver and state of the kernels' sources. It maps a kernel's name to the hash of its PTX and the
 verdict. Two processes that write at the same time may lose a verdict; the kernel is then tested once more.
@@ -47,7 +47,7 @@ def run_self_test(card: Card, kernel: str, limit_s: float = LIMIT_S) -> Verdict:
     kernel: named as in renderer/variant_names.py; its PTX and the CPU's kernel should be in the cache, as building them counts
     towards `limit_s` seconds.
     """
-    command = [sys.executable, "-m", "renderer.cuda.self_test", f"--card={card.number}", "--json", kernel]
+    command = [sys.executable, "-m", "renderer.self_test", f"--card={card.number}", "--json", kernel]
     try:
         done = subprocess.run(
             command,

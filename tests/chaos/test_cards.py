@@ -48,7 +48,7 @@ def driver(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     fake_driver(folder)
     kernels = shared_objects((*START_KERNELS, "plain-paths"), folder / "kernels")
     variables = {"LD_LIBRARY_PATH": str(folder), "FAKE_CUDA_KERNEL": str(kernels)}
-    test = [sys.executable, "-m", "renderer.cuda.self_test", *START_KERNELS, "plain-paths"]
+    test = [sys.executable, "-m", "renderer.self_test", *START_KERNELS, "plain-paths"]
     subprocess.run(test, cwd=ROOT, env={**os.environ, **variables, "FAKE_CUDA_CARDS": "RTX Test:8:6:8192"}, check=True)
     return variables
 

@@ -1,4 +1,4 @@
-"""The self-test of a graphics card before a worker uses it, or one of its kernels (renderer/cuda/self_test.py)."""
+"""The self-test of a graphics card before a worker uses it, or one of its kernels (renderer/self_test)."""
 
 from __future__ import annotations
 

@@ -13,10 +13,10 @@ from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cuda import verdicts
 from renderer.cuda.cards import find_cards
 from renderer.cuda.driver import Card
-from renderer.cuda.self_test import judge
-from renderer.cuda.self_test_scenes import SCENES, SelfTestScene, scenes_for, settings_for
 from renderer.cuda.verdicts import Verdict, failure_of, keep_verdict, kept_verdict, kernels_with_verdicts, run_self_test
 from renderer.render import kernel_name, variant_for
+from renderer.self_test.compare import judge
+from renderer.self_test.scenes import SCENES, SelfTestScene, scenes_for, settings_for
 from renderer.sentences import Sentence
 from renderer.variant_names import example_of, variant_suffix
 from tests.grids import grid
@@ -104,7 +104,7 @@ def test_verdict_of_a_process_is_kept(fault: str, said: str, card: Card, monkeyp
 @pytest.mark.long
 def test_command_compares_both_kernels_of_a_start(card: Card, tmp_path: Path) -> None:
     """Plain and full, as before a worker uses a card; then with a driver that rounds twice in a stage of both."""
-    command = [sys.executable, "-m", "renderer.cuda.self_test"]
+    command = [sys.executable, "-m", "renderer.self_test"]
     for unfused, code in (("", 0), ("scatter_conductor", 1)):
         kernels = shared_objects(("plain", "full"), tmp_path / f"kernels{code}", unfused)
         environment = {**os.environ, "FAKE_CUDA_KERNEL": str(kernels)}
