@@ -55,13 +55,13 @@ from renderer.shipped_kernels import copy_shipped_kernels
 from renderer.variables import VariableError, value_of
 from telemetry.log_lines import FORMAT_VARIABLE, FORMATS, uses_json
 from worker import app
-from worker.cards_worker import EXIT_NO_CARDS, EXIT_REFUSED, CardsWorker
 from worker.exchange.cache import BlobCache, default_cache_dir
 from worker.exchange.errors import RefusedError, WorkerError
 from worker.exchange.link import Link, check_redis_url
 from worker.exchange.ready import make_kernel_ready
 from worker.joining import TRANSPORTS, FarmJoin
 from worker.machine import health_file
+from worker.machine.cards_worker import EXIT_NO_CARDS, EXIT_REFUSED, CardsWorker
 from worker.machine.health_file import WorkerState
 from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard

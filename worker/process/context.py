@@ -21,10 +21,10 @@ from renderer.blender.program import Blender
 from renderer.cuda.driver import Card
 from renderer.cuda.verdicts import failure_of
 from renderer.sentences import to_text
-from worker.cards_worker import CardsWorker
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import Link
 from worker.exchange.results import PIECE_TIMEOUT_S, RELAYED_PIECE_TIMEOUT_S, ResultStream
+from worker.machine.cards_worker import CardsWorker
 from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard
 from worker.process.apply_terms import TermsKeeper

@@ -14,8 +14,8 @@ from renderer.cuda import verdicts
 from renderer.cuda.driver import Card
 from renderer.cuda.verdicts import Verdict, keep_verdict
 from tests.helpers import wait_until
-from worker import cards_worker
-from worker.cards_worker import EXIT_NO_CARDS, EXIT_REFUSED, CardsWorker
+from worker.machine import cards_worker
+from worker.machine.cards_worker import EXIT_NO_CARDS, EXIT_REFUSED, CardsWorker
 from worker.machine.status import SlotBoard
 from worker.process.context import WorkerContext
 
@@ -94,6 +94,21 @@ def test_ended_worker_is_started_again(second: Any, tmp_path: Path, caplog: pyte
         worker = second(f"open({str(starts)!r}, 'a').write('x'); sys.exit(1)")
         checked_until(worker, lambda: starts.exists() and len(starts.read_text()) >= 3)
     assert "the worker with the cards ended (exit code 1); it starts again in 0 s" in caplog.messages
+
+
+def test_start_is_tried_again(second: Any, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    worker, start, failures = second("time.sleep(60)"), cards_worker._started, [OSError(11, "no process is left")] * 2
+
+    def started(*given: Any) -> Any:
+        if failures:
+            raise failures.pop()
+        return start(*given)
+
+    monkeypatch.setattr(cards_worker, "_started", started)
+    with caplog.at_level(logging.WARNING, "worker"):
+        checked_until(worker, lambda: worker._process is not None)
+    assert len(caplog.messages) == 2
+    assert "no process is left); the next try is in 0 s" in caplog.messages[0]
 
 
 @pytest.mark.parametrize(

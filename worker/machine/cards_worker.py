@@ -74,13 +74,19 @@ class CardsWorker:
 
     def check(self) -> None:
         """Starts, restarts and observes the processes; called every second. Returns at once."""
-        if self._is_over:
+        if self._is_over or time.monotonic() < self._start_at:
             return
+        try:
+            self._check()
+        except (OSError, subprocess.SubprocessError) as error:  # such as too many processes
+            log.warning("the worker with the cards cannot be started (%s); the next try is in %g s", error, PAUSES_S[-1])
+            self._start_at = time.monotonic() + PAUSES_S[-1]
+
+    def _check(self) -> None:
         if self._found is None:
             self._look_for_cards()
         elif self._process is None:
-            if time.monotonic() >= self._start_at:
-                self._process, self._started = _started(self._command, self._environment), time.monotonic()
+            self._process, self._started = _started(self._command, self._environment), time.monotonic()
         elif (code := self._process.poll()) is not None:
             self._process = None
             self._after_end(code)
