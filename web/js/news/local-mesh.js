@@ -1,24 +1,30 @@
 /** The mesh of the latest upload, read in the browser: it is drawn before the service has read the file. */
 
-/** @typedef {import("./glb-mesh.js").LocalMesh} LocalMesh */
+import { getInfo } from "./api.js";
 
-/** Larger files are left to the service, to limit the page's memory. */
+/** @typedef {import("../mesh/shapes.js").LocalMesh} LocalMesh */
+/** @typedef {import("../shell/gather-files.js").NamedFile} NamedFile */
+
+/** Larger uploads are left to the service, to limit the page's memory. */
 const MOST_BYTES = 512 * 1024 * 1024;
+/** Files that the page reads itself, or may find in an archive. */
+const READ_HERE = /\.(glb|gltf|obj|ply|stl|zip)$/i;
 
 /** @type {{scene: string, mesh: Promise<LocalMesh | null>} | null} */
 let latest = null;
 
 /**
- * Starts reading an upload that is a single GLB file.
+ * Starts reading an upload.
  *
- * @param {File[]} files
- * @returns {Promise<LocalMesh | null>} null for other uploads, and for files that only the service can read
+ * @param {NamedFile[]} files
+ * @param {string} [main] the scene's file, if it is known
+ * @returns {Promise<LocalMesh | null>} null for uploads that only the service can read
  */
-export function readLocally(files) {
-  const [file, ...others] = files;
-  if (!file || others.length || !file.name.toLowerCase().endsWith(".glb") || file.size > MOST_BYTES) return Promise.resolve(null);
+export async function readLocally(files, main) {
+  if (!files.some(({ path }) => READ_HERE.test(path)) || files.reduce((sum, { file }) => sum + file.size, 0) > MOST_BYTES) return null;
+  const { formats } = await getInfo();
   return new Promise((resolve) => {
-    const worker = new Worker(new URL("./glb-worker.js", import.meta.url), { type: "module" });
+    const worker = new Worker(new URL("../mesh/mesh-worker.js", import.meta.url), { type: "module" });
     /** @type {((image: ImageBitmap | null) => void)[]} textures that are still being decoded */
     const awaited = [];
     const end = () => {
@@ -35,7 +41,7 @@ export function readLocally(files) {
       if (!data || !awaited.length) end();
     };
     worker.onerror = end;
-    worker.postMessage(file);
+    worker.postMessage({ files, formats, main });
   });
 }
 

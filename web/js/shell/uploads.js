@@ -201,7 +201,7 @@ async function sendOnce(files, fields) {
   const stalled = () => setText(line, t("Nothing was sent for {n} s. It goes on when the connection does.", { n: STALLED_MS / 1000 }));
   setUnderWay(1);
   const begun = performance.now();
-  const mesh = readLocally(files.map(({ file }) => file));
+  const mesh = fields["base"] ? Promise.resolve(null) : readLocally(files, fields["main"]).catch(() => null);
   try {
     const scene = await upload(files, {
       fields,
