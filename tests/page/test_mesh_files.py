@@ -1,9 +1,10 @@
-"""Tests of the page's own readers of OBJ, PLY, STL and zip files: its first preview equals that of the service."""
+"""Tests of the page's own readers of OBJ, PLY, STL, FBX and zip files: its first preview equals that of the service."""
 
 from __future__ import annotations
 
 import base64
 import io
+import json
 import struct
 import zipfile
 from collections.abc import Iterator
@@ -20,6 +21,7 @@ from renderer.scene.animation import Moment
 from renderer.scene.default_camera import frame
 from renderer.scene.load import Shot
 from renderer.scene.preview import Preview, preview
+from tests.helpers import ROOT
 from tests.page.node import Node
 
 READ = """
@@ -54,7 +56,9 @@ def corners_of(packet: Any) -> tuple[np.ndarray, np.ndarray]:
     return sorted_corners(positions, normals, np.array(packet["indices"]).reshape(-1, 3), np.ptp(positions))
 
 
-def sorted_corners(positions: np.ndarray, normals: np.ndarray, triangles: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+def sorted_corners(
+    positions: np.ndarray, normals: np.ndarray, triangles: np.ndarray, size: float
+) -> tuple[np.ndarray, np.ndarray]:
     corners = positions[triangles]
     # A triangle is known by its middle, and each of its corners by its place.
     order = np.lexsort(np.round(corners.mean(axis=1) / size, 3).T)
@@ -209,6 +213,37 @@ def test_only_image_beside_an_obj_without_materials_is_its_texture(node: Node, t
     assert found["isWhole"]
 
 
+FBX = ROOT / "tests" / "data" / "fbx"
+Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's axes
+
+
+def test_fbx_vertices_match_blender(node: Node) -> None:
+    """Nested, rotated, instanced and skinned meshes are where Blender computed them; "grid", whose shape keys move, is left out."""
+    found = read_in_page(node, {"kit.fbx": (FBX / "kit.fbx").read_bytes()})
+    corners, _ = corners_of(found["packet"])
+    points = np.unique(corners.reshape(-1, 3), axis=0)
+    said = json.loads((FBX / "kit.json").read_text())["0"]
+    meshes = [each for name, each in said.items() if each["type"] == "MESH" and name != "grid"]
+    assert found["packet"]["triangles"] == sum(each["triangles"] for each in meshes) + said["grid"]["triangles"]
+    wanted = np.concatenate([each["vertices"] for each in meshes]) @ Y_UP.T
+    away = np.linalg.norm(wanted[:, None] - points[None], axis=2).min(axis=1)
+    assert away.max() < 1e-3
+    assert found["packet"]["background"] == [0, 0, 0], "the file has lamps"
+    assert len(found["images"]) == 1
+    assert not found["isWhole"], "it is animated"
+
+
+def test_fbx_is_seen_by_its_camera(node: Node) -> None:
+    known = Shot(FBX, "kit.fbx")
+    camera = known.scene_at(Moment(known.start)).cameras[0].view
+    view = read_in_page(node, {"kit.fbx": (FBX / "kit.fbx").read_bytes()})["view"]
+    np.testing.assert_allclose(view["eye"], camera.eye, atol=1e-4)
+    np.testing.assert_allclose(view["up"], camera.up, atol=1e-4)
+    assert view["fov"] == pytest.approx(camera.fov, abs=1e-3)
+    forward, known_forward = (np.subtract(end, camera.eye) for end in (view["target"], camera.target))
+    assert np.dot(forward, known_forward) / np.linalg.norm(forward) / np.linalg.norm(known_forward) == pytest.approx(1, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     "names",
     [
@@ -234,7 +269,12 @@ def damaged() -> Iterator[Any]:
     yield pytest.param({"a.stl": b"solid nothing\nendsolid"}, id="STL without triangles")
     yield pytest.param({"a.obj": b"v 0 0 0\nv 1 0 0\nf 1 2 3\n"}, id="OBJ that names a vertex which is not there")
     yield pytest.param({"a.obj": b"v 0 0 0\nv 1 0 0\nv 0 one 0\nf 1 2 3\n"}, id="OBJ with a word in place of a number")
-    yield pytest.param({"a.ply": b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n"}, id="PLY without faces")
+    yield pytest.param(
+        {"a.ply": b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n"}, id="PLY without faces"
+    )
+    fbx = (FBX / "kit.fbx").read_bytes()
+    yield pytest.param({"a.fbx": fbx[: len(fbx) // 2]}, id="FBX, cut off")
+    yield pytest.param({"a.fbx": b"; FBX 7.4.0 project file"}, id="FBX as text")
     yield pytest.param({"a.zip": b"PK no archive"}, id="no zip")
     yield pytest.param({"a.txt": b"text"}, id="no scene")
 
@@ -244,18 +284,20 @@ def test_damaged_files_are_left_to_service(node: Node, files: dict[str, bytes]) 
     assert read_in_page(node, files) is None
 
 
-@pytest.mark.parametrize("text", ["0", "-0.5", "+12.25", ".5", "7.", "1e3", "-2.5E-7", "123456789.123456789", "1e-320", "0.000123"])
+@pytest.mark.parametrize(
+    "text", ["0", "-0.5", "+12.25", ".5", "7.", "1e3", "-2.5E-7", "123456789.123456789", "1e-320", "0.000123"]
+)
 def test_numbers_are_read_as_python_reads_them(node: Node, text: str) -> None:
     body = "return new m.Scanner(new TextEncoder().encode(a + ' 1')).number();"
     assert node.call("mesh/text", body, text) == pytest.approx(float(text), rel=1e-15, abs=1e-300)
 
 
 def test_large_model_is_decimated(node: Node) -> None:
-    ball = trimesh.creation.icosphere(subdivisions=6)  # 81,920 triangles
+    ball = trimesh.creation.icosphere(subdivisions=5)  # 20,480 triangles
     body = """
-        const { packet } = m.readStl(Uint8Array.from(atob(a), (c) => c.charCodeAt(0)), 5000);
+        const { packet } = m.readStl(Uint8Array.from(atob(a), (c) => c.charCodeAt(0)), 2000);
         return [packet.triangles, Math.max(...packet.indices) < packet.vertices, packet.low, packet.high];"""
     triangles, is_valid, low, high = node.call("mesh/stl", body, base64.b64encode(bytes_of(ball, "stl")).decode())
-    assert 1000 < triangles < 10_000
+    assert 500 < triangles < 4000
     assert is_valid
-    np.testing.assert_allclose([low, high], [[-1] * 3, [1] * 3], atol=0.02)
+    np.testing.assert_allclose([low, high], [[-1] * 3, [1] * 3], atol=0.05)

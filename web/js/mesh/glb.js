@@ -5,8 +5,9 @@
  * has what is not read here, such as poses.
  */
 
-import { MOST_TRIANGLES, decimated, encoded, frame, joined } from "./shapes.js";
+import { MOST_TRIANGLES, decimated, encoded, frame, joined, orbitView } from "./shapes.js";
 import { pictureType } from "./files.js";
+import { product } from "./matrix.js";
 import { isBelow } from "./model.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
@@ -194,11 +195,6 @@ function fromParts({ translation: [tx = 0, ty = 0, tz = 0] = [], rotation: [x = 
   ];
 }
 
-/** @param {number[]} a @param {number[]} b @returns {number[]} */
-function product(a, b) {
-  return b.map((_, i) => [0, 1, 2, 3].reduce((sum, k) => sum + (a[4 * k + (i % 4)] ?? 0) * (b[4 * Math.floor(i / 4) + k] ?? 0), 0));
-}
-
 /** @param {any} gltf @param {any} primitive */
 function triangleCount(gltf, { attributes, indices }) {
   return Math.floor((gltf.accessors?.[indices ?? attributes.POSITION]?.count ?? 0) / 3);
@@ -282,11 +278,7 @@ function fileCamera(gltf, low, high) {
     if (!lens) continue;
     const column = (/** @type {number} */ first) => /** @type {Vec3} */ ([m[first] ?? 0, m[first + 1] ?? 0, m[first + 2] ?? 0]);
     const [up, back, eye] = [column(4), column(8), column(12)];
-    const size = Math.hypot(...back) || 1;
-    // The target is as far as the middle of the scene, as the view turns about it.
-    const middle = eye.reduce((sum, value, i) => sum + ((value - ((low[i] ?? 0) + (high[i] ?? 0)) / 2) * (back[i] ?? 0)) / size, 0);
-    const away = middle > 0 ? middle : 1;
-    return { eye, target: /** @type {Vec3} */ (eye.map((value, i) => value - (away * (back[i] ?? 0)) / size)), up, fov: (lens.yfov * 180) / Math.PI };
+    return orbitView(eye, back, up, (lens.yfov * 180) / Math.PI, low, high);
   }
   return null;
 }

@@ -1,4 +1,4 @@
-/** Makes a preview of the shapes of a file that states no up axis. */
+/** Makes a preview of the shapes of a file: decimates them, computes missing normals, turns them upright, and frames them. */
 
 import { MOST_TRIANGLES, decimated, encoded, frame, joined } from "./shapes.js";
 import { smoothed } from "./smooth.js";
@@ -7,6 +7,7 @@ import { uprightMatrix } from "./up-axis.js";
 /** @typedef {import("./shapes.js").LocalMesh} LocalMesh */
 /** @typedef {import("./shapes.js").Picture} Picture */
 /** @typedef {import("./shapes.js").Shape} Shape */
+/** @typedef {import("./shapes.js").Vec3} Vec3 */
 
 /** A shape with its colour (sRGB, and 255 or 0, unshaded) and its image. @typedef {{shape: Shape, color: number[], image: Picture | null, cutoff?: number}} Part */
 
@@ -22,9 +23,10 @@ export const coded = (linear) => linear.map((value) => Math.round(255 * encoded(
  * @param {"y" | "z" | number[]} up the format's conventional up axis, or the matrix by which the file becomes Y up
  * @param {boolean} isWhole whether the service would show the same materials
  * @param {number} [most] triangles, about
+ * @param {{background?: Vec3 | null, camera?: (low: Vec3, high: Vec3) => import("../base/types.js").View | null}} [own] the file's own world, as in MeshPacket, and camera
  * @returns {LocalMesh | null} null if there are no triangles, or a position or an index is invalid
  */
-export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES) {
+export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES, { background = null, camera } = {}) {
   const shown = parts.filter(({ shape }) => shape.indices.length > 0);
   const total = shown.reduce((sum, { shape }) => sum + shape.indices.length / 3, 0);
   if (!total || !shown.every(({ shape }) => isBelow(shape.indices, shape.positions.length / 3))) return null;
@@ -36,8 +38,10 @@ export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES) {
     return { shape, matrix, color, image: image && shape.uvs ? images.indexOf(image) : -1, cutoff };
   });
   drawn.sort((a, b) => b.image - a.image);
-  const found = joined(drawn, null);
-  return found && { packet: found.packet, view: frame(found.places), isWhole, images };
+  const found = joined(drawn, background);
+  if (!found) return null;
+  const { packet, places } = found;
+  return { packet, view: camera?.(packet.low, packet.high) ?? frame(places), isWhole, images };
 }
 
 /** Returns whether all indices are below a limit. @param {Uint32Array} indices @param {number} limit */

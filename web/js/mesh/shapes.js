@@ -3,6 +3,8 @@
  * frames them. renderer/scene/preview.py and default_camera.py do the same for the service's preview.
  */
 
+import { cofactors } from "./matrix.js";
+
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
@@ -161,8 +163,7 @@ export function joined(drawn, background) {
   let [vertex, corner] = [0, 0];
   for (const { shape, matrix, color, image: texture, cutoff } of drawn) {
     const [a = 0, b = 0, c = 0, , d = 0, e = 0, f = 0, , g = 0, h = 0, i = 0, , tx = 0, ty = 0, tz = 0] = matrix;
-    // The cofactors of the matrix, which turn normals.
-    const [n0, n1, n2, n3, n4, n5, n6, n7, n8] = [e * i - f * h, f * g - d * i, d * h - e * g, c * h - b * i, a * i - c * g, b * g - a * h, b * f - c * e, c * d - a * f, a * e - b * d];
+    const [n0 = 0, n1 = 0, n2 = 0, n3 = 0, n4 = 0, n5 = 0, n6 = 0, n7 = 0, n8 = 0] = cofactors(matrix);
     const first = vertex;
     const { positions, normals: own, colors: painted } = shape;
     for (let k = 0; k < positions.length; k += 3, vertex++) {
@@ -248,4 +249,22 @@ export function frame(places) {
   const away = Math.max(...reach, nearest + 0.05 * size);
   const point = (/** @type {number} */ depth) => /** @type {Vec3} */ ([0, 1, 2].map((i) => (at[0] ?? 0) * (right[i] ?? 0) + (at[1] ?? 0) * (above[i] ?? 0) + depth * (back[i] ?? 0)));
   return { eye: point(away), target: point((nearest + farthest) / 2), up: [0, 1, 0], fov: FOV };
+}
+
+/**
+ * Returns the view of a file's camera, whose target is as far as the middle of the scene, as the view turns about it.
+ *
+ * @param {Vec3} eye
+ * @param {Vec3} back from the scene to the camera
+ * @param {Vec3} up
+ * @param {number} fov vertical, in degrees
+ * @param {Vec3} low lower corner of the scene
+ * @param {Vec3} high
+ * @returns {View}
+ */
+export function orbitView(eye, back, up, fov, low, high) {
+  const size = Math.hypot(...back) || 1;
+  const middle = eye.reduce((sum, value, i) => sum + ((value - ((low[i] ?? 0) + (high[i] ?? 0)) / 2) * (back[i] ?? 0)) / size, 0);
+  const away = middle > 0 ? middle : 1;
+  return { eye, target: /** @type {Vec3} */ (eye.map((value, i) => value - (away * (back[i] ?? 0)) / size)), up, fov };
 }

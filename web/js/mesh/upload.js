@@ -1,6 +1,7 @@
 /** Reads an upload's scene by the reader of its format. */
 
 import { filesOf, find, pickMain, pictureType } from "./files.js";
+import { readFbx } from "./fbx.js";
 import { readGlb, readGltf } from "./glb.js";
 import { readObj } from "./obj.js";
 import { readPly } from "./ply.js";
@@ -32,6 +33,8 @@ async function readUpload({ files: given, formats, main: chosen }) {
       return readGlb(await files.read(main));
     case ".gltf":
       return readGltf(await files.read(main), read);
+    case ".fbx":
+      return readFbx(await files.read(main), picture);
     case ".obj":
       return readObj(await files.read(main), { names, read, picture });
     case ".ply":

@@ -8,7 +8,7 @@ import { getInfo } from "./api.js";
 /** Larger uploads are left to the service, to limit the page's memory. */
 const MOST_BYTES = 512 * 1024 * 1024;
 /** Files that the page reads itself, or may find in an archive. */
-const READ_HERE = /\.(glb|gltf|obj|ply|stl|zip)$/i;
+const READ_HERE = /\.(fbx|glb|gltf|obj|ply|stl|zip)$/i;
 
 /** @type {{scene: string, mesh: Promise<LocalMesh | null>} | null} */
 let latest = null;
