@@ -20,6 +20,7 @@ uniform highp sampler2D keptDepth;
 uniform sampler2D keptShade;
 uniform mat4 keptClip;
 uniform vec3 keptEye;
+uniform vec3 seenEye;
 uniform float softness;
 const float SLACK = 0.012; // of the distance, within which two points are one: the mesh is simplified
 // Part of the points around uv, so far away in widths of the picture, in which the mesh is not nearer than z.
@@ -50,7 +51,10 @@ vec4 keptAt(vec3 place, vec3 n, float margin) {
   float near = open(min(z - SLACK * abs(z - slope), 1.0) - 1e-6, uv, margin);
   if (margin > 0.0) near = smoothstep(0.85, 1.0, near);
   float facing = abs(dot(n, normalize(keptEye - place)));
-  float weight = edge.x * edge.y * near * mix(1.0, smoothstep(0.05, 0.35, facing), softness);
+  float sharp = smoothstep(0.05, 0.35, facing);
+  // Where the picture would be stretched more than about twice, the mesh shows more. The floor, which has a margin, shows nothing of its own.
+  if (margin == 0.0) sharp *= smoothstep(0.3, 0.6, facing / max(abs(dot(n, normalize(seenEye - place))), 0.05));
+  float weight = edge.x * edge.y * near * mix(1.0, sharp, softness);
   return vec4(textureLod(kept, uv, 0.0).rgb, weight);
 }`;
 
@@ -139,12 +143,14 @@ export class KeptPicture {
   constructor(gl) {
     this.gl = gl;
     this.program = programOf(gl, VERTEX, FRAGMENT);
-    this.color = gl.createTexture();
-    this.depth = gl.createTexture();
-    /** The mesh as the picture's camera sees it, without the picture. */
-    this.shade = gl.createTexture();
-    /** The picture without the mesh, as BEHIND writes it. */
-    this.behind = gl.createTexture();
+    /** @type {WebGLTexture | null} */
+    this.color = null;
+    /** @type {WebGLTexture | null} */
+    this.depth = null;
+    /** The mesh as the picture's camera sees it, without the picture. @type {WebGLTexture | null} */
+    this.shade = null;
+    /** The picture without the mesh, as BEHIND writes it. @type {WebGLTexture | null} */
+    this.behind = null;
     this.behindProgram = programOf(gl, VERTEX, BEHIND);
     this.frame = gl.createFramebuffer();
     this.behindFrame = gl.createFramebuffer();
@@ -159,6 +165,10 @@ export class KeptPicture {
     const { gl } = this;
     this.view = view;
     this.hasDepth = false;
+    this.color ??= gl.createTexture();
+    this.depth ??= gl.createTexture();
+    this.shade ??= gl.createTexture();
+    this.behind ??= gl.createTexture();
     [this.width, this.height] = [picture.width, picture.height];
     gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(gl.TEXTURE_2D, this.color);
@@ -168,6 +178,14 @@ export class KeptPicture {
     gl.generateMipmap(gl.TEXTURE_2D);
     smooth(gl);
     gl.activeTexture(gl.TEXTURE0);
+  }
+
+  /** Removes the picture and frees its textures; `set` gives another one. */
+  clear() {
+    for (const texture of [this.color, this.depth, this.shade, this.behind]) this.gl.deleteTexture(texture);
+    this.color = this.depth = this.shade = this.behind = null;
+    this.view = null;
+    this.hasDepth = false;
   }
 
   /** How far a camera is from the picture's: 0 the same, 1 so far that the picture is of little use. @param {View} view */
@@ -270,6 +288,7 @@ export class KeptPicture {
     gl.uniform1i(at("keptBehind"), 4);
     gl.uniformMatrix4fv(at("keptClip"), false, clipMatrix(view, width / height, low, high));
     gl.uniform3fv(at("keptEye"), fromMiddle(view.eye, low, high));
+    gl.uniform3fv(at("seenEye"), fromMiddle(seen.eye, low, high));
     gl.uniform1f(at("softness"), Math.min(1, 4 * this.distance(seen)));
   }
 

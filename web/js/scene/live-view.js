@@ -7,7 +7,7 @@ import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { CannotShow, FilmCanvas } from "../film/film-canvas.js";
 import { Film } from "../film/film.js";
-import { darkness } from "../film/darkness.js";
+import { darkness, dimness } from "../film/darkness.js";
 import { curveOptions } from "../film/curves.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
@@ -48,8 +48,8 @@ const LEAST_SIDE = 16;
 const TAKE_SIDE = 320;
 /** Interval, in milliseconds, of checks whether the view is too dark. */
 const DARKNESS_MS = 500;
-/** Samples per pixel after which a view that is never denoised replaces a finished picture; and the preview mesh. */
-const [CLEAN_SPP, MESH_SPP] = [8, 1];
+/** Samples per pixel after which a view that is never denoised replaces a finished picture, and the preview mesh; and a denoised view the mesh. */
+const [CLEAN_SPP, MESH_SPP, SHARP_SPP] = [8, 1, 4];
 /** Time, in milliseconds, that a view of MESH_SPP samples is awaited denoised, and samples per pixel that end the wait: noise must not follow a clean picture. */
 const [DENOISED_MS, DENOISED_SPP] = [15_000, 64];
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
@@ -156,6 +156,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     isCovered = false;
     surface.style.backgroundImage = "";
     meshed.hidden = true;
+    mesh.release();
   };
   /** Loads the mesh for the next turn of the camera, if the view began with a picture instead. */
   const loadMesh = () => {
@@ -213,17 +214,25 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let onPicked = null;
 
   const darkWords = h("span");
+  const normalWords = h("span");
+  /** The exposure that the view is offered. */
+  let brighter = 0;
   const studio = h("button", { class: "button small", type: "button", onclick: () => (form.light.choose("studio"), expose(0)) }, icon("sun"), t("Studio light"));
-  const normal = h("button", { class: "button small", type: "button", onclick: () => expose(darkness(film.film)?.exposure ?? 0) }, icon("exposure"), t("Normalise"));
+  const normal = h("button", { class: "button small", type: "button", onclick: () => expose(brighter) }, icon("exposure"), normalWords);
   const dark = h("div", { class: "view-dark", role: "status", hidden: true }, darkWords, normal, studio);
   /** Whether the exposure has been chosen, by the user or for a dark scene. */
   let isExposed = false;
   const lookForDarkness = () => {
     const found = darkness(film.film);
-    dark.hidden = found === null;
-    if (!found) return;
-    setText(darkWords, t("Very dark: brightest {n}", { n: found.brightest.toPrecision(1) }));
-    if (!isExposed) expose(found.exposure); // the first view is exposed by what it shows
+    const stopsUp = found?.exposure ?? dimness(film.film, exposure.valueAsNumber);
+    dark.hidden = stopsUp === null;
+    if (stopsUp === null) return;
+    brighter = stopsUp;
+    setText(darkWords, found ? t("Very dark: brightest {n}", { n: found.brightest.toPrecision(1) }) : t("Dark"));
+    setText(normalWords, t("Normalise ({stops} EV)", { stops: stops(stopsUp) }));
+    studio.hidden = !found;
+    normal.hidden = exposure.valueAsNumber >= stopsUp;
+    if (found && !isExposed) expose(found.exposure); // the first view is exposed by what it shows
   };
   /** @param {number} stops */
   const expose = (stops) => {
@@ -266,7 +275,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       sampledAt = mean < MESH_SPP ? 0 : sampledAt || performance.now(); // another view begins anew
       const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
-      const isReady = (denoised && isFineEnough()) || (done && !isDenoisedSoon) || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
+      // The preview mesh is sharp: what replaces it must be as fine, and not smeared by denoising few samples.
+      const isSharp = mesh.kept !== null || meshed.hidden || done || !isDenoisedSoon || mean >= SHARP_SPP;
+      const isEnough = mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
+      const isReady = (done && !isDenoisedSoon) || (isFineEnough() && ((denoised && isSharp) || isEnough));
       if (isReady && (isLatest || !mesh.kept)) release();
       else if (denoised) keepNewer(next.id);
       setDenoised(denoised);
@@ -496,6 +508,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   look.subscribe((now) => {
     picture.look = now;
     setText(shown, `${stops(now.exposure)} EV`);
+    if (isSampled) lookForDarkness();
     picture.invalidate();
   });
   exposure.addEventListener("input", () => ((isExposed = true), relook()));

@@ -115,6 +115,8 @@ export class MeshCanvas {
     this.view = null;
     /** A picture without noise, which is projected onto the mesh. @type {KeptPicture | null} */
     this.kept = null;
+    /** What has projected a picture, for the next one: its programs take long to compile. @type {KeptPicture | null} */
+    this.projector = null;
     this.pending = 0;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** @type {WebGLProgram | null} */
@@ -124,14 +126,17 @@ export class MeshCanvas {
     this.resizing = new ResizeObserver(() => this.invalidate());
     this.resizing.observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
-    canvas.addEventListener("webglcontextrestored", () => this.mesh && this.setMesh(this.mesh));
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.projector = null; // its programs were lost too
+      if (this.mesh) this.setMesh(this.mesh);
+    });
   }
 
   /** @param {MeshPacket} mesh */
   setMesh(mesh) {
     const { gl } = this;
     this.mesh = mesh;
-    this.kept = null;
+    this.release();
     if (!gl || gl.isContextLost()) return;
     const program = programOf(gl, VERTEX, FRAGMENT);
     if (!program) return; // the picture comes without a preview
@@ -195,10 +200,16 @@ export class MeshCanvas {
    */
   keep(picture, view) {
     if (!this.gl || !this.program || this.gl.isContextLost()) return;
-    this.kept ??= new KeptPicture(this.gl);
+    this.kept = this.projector ??= new KeptPicture(this.gl);
     this.kept.set(picture, view);
     this.draw(); // at once: it replaces the picture on the page
     this.invalidate();
+  }
+
+  /** Projects no picture any more, and frees its textures. */
+  release() {
+    this.kept?.clear();
+    this.kept = null;
   }
 
   /** How far the camera is from that of the projected picture, 0 ... 1; 1 without one. */
@@ -290,6 +301,7 @@ export class MeshCanvas {
   dispose() {
     cancelAnimationFrame(this.pending);
     this.resizing.disconnect();
+    this.release();
     this.gl?.getExtension("WEBGL_lose_context")?.loseContext();
   }
 }
