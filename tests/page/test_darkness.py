@@ -23,9 +23,3 @@ def test_dark_film_is_detected_as_in_python(node: Node, scale: float) -> None:
     assert (found is None) == (wanted is None)
     if wanted is not None:
         assert found == {"brightest": pytest.approx(wanted.brightest, rel=1e-3), "exposure": wanted.exposure}
-
-
-@pytest.mark.parametrize(("brightest", "exposure", "offered"), [(0.2, 0, 2.0), (0.2, 1.5, None), (0.6, 0, None), (0.001, 2, 9.5)])
-def test_dim_film_is_offered_the_stops_that_normalise_it(node: Node, brightest: float, exposure: float, offered: float) -> None:
-    body = "return m.dimness({ normalisingExposure: () => -Math.log2(a.brightest) }, a.exposure);"
-    assert node.call("film/darkness", body, {"brightest": brightest, "exposure": exposure}) == offered

@@ -79,11 +79,11 @@ export function environmentFields(first, isLightless) {
   const note = h("p", { class: "quiet small stand-in" }, STAND_IN.help);
   const remove = h("button", { class: "text-button", type: "button", onclick: () => void forget() }, t("Remove this image"));
   const colourField = field(t("Colour"), colour);
-  const sunLine = h("div", { class: "sun-line" }, field(t("Sun's height, °"), elevation), field(t("Sun's direction, °"), azimuth));
   const sky = h(
     "div",
     { class: "sun-fields" },
     dial.element,
+    h("div", { class: "stack" }, field(t("Sun's height, °"), elevation), field(t("Sun's direction, °"), azimuth)),
     h(
       "button",
       { class: "button small", type: "button", onclick: () => element.dispatchEvent(new CustomEvent(PLACE_SUN, { bubbles: true })) },
@@ -98,7 +98,7 @@ export function environmentFields(first, isLightless) {
         showSun({ elevation: preset.elevation, azimuth: preset.azimuth ?? 0 });
       }
       pick(id);
-      if (id === "color") setOpen(opener, true); // for the colour; a sky has its sun in one line
+      if (id === "color" || preset || id === "sky") setOpen(opener, true);
       tell(true);
     },
     () => ask((file) => void add(file)),
@@ -111,7 +111,6 @@ export function environmentFields(first, isLightless) {
     h("legend", null, t("Light")),
     choices.element,
     note,
-    sunLine,
     h(
       "div",
       { class: "light-rest" },
@@ -123,7 +122,7 @@ export function environmentFields(first, isLightless) {
     ),
     opener,
   );
-  setOpen(opener, !FIRST.includes(kind) || numbers.some(({ setting, get }) => get() !== setting.default));
+  setOpen(opener, kind !== "own" || numbers.some(({ setting, get }) => get() !== setting.default));
 
   /** @param {{elevation: number, azimuth: number}} next as the sky has it */
   function showSun(next) {
@@ -155,9 +154,7 @@ export function environmentFields(first, isLightless) {
     setText(hint, light?.help || light?.label || "");
     remove.hidden = environments.value?.find((each) => each.id === id)?.kind !== "image";
     setShown(colourField, id === "color");
-    const hasSun = id === "sky" || Boolean(environmentOf(id)?.sky);
-    setShown(sky, hasSun);
-    setShown(sunLine, hasSun);
+    setShown(sky, id === "sky" || Boolean(environmentOf(id)?.sky));
   }
   /** Dispatches events that update other parts of the form. @param {boolean} isDone */
   function tell(isDone) {

@@ -7,7 +7,7 @@ import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { CannotShow, FilmCanvas } from "../film/film-canvas.js";
 import { Film } from "../film/film.js";
-import { darkness, dimness } from "../film/darkness.js";
+import { darkness } from "../film/darkness.js";
 import { curveOptions } from "../film/curves.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
@@ -214,25 +214,17 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let onPicked = null;
 
   const darkWords = h("span");
-  const normalWords = h("span");
-  /** The exposure that the view is offered. */
-  let brighter = 0;
   const studio = h("button", { class: "button small", type: "button", onclick: () => (form.light.choose("studio"), expose(0)) }, icon("sun"), t("Studio light"));
-  const normal = h("button", { class: "button small", type: "button", onclick: () => expose(brighter) }, icon("exposure"), normalWords);
+  const normal = h("button", { class: "button small", type: "button", onclick: () => expose(darkness(film.film)?.exposure ?? 0) }, icon("exposure"), t("Normalise"));
   const dark = h("div", { class: "view-dark", role: "status", hidden: true }, darkWords, normal, studio);
   /** Whether the exposure has been chosen, by the user or for a dark scene. */
   let isExposed = false;
   const lookForDarkness = () => {
     const found = darkness(film.film);
-    const stopsUp = found?.exposure ?? dimness(film.film, exposure.valueAsNumber);
-    dark.hidden = stopsUp === null;
-    if (stopsUp === null) return;
-    brighter = stopsUp;
-    setText(darkWords, found ? t("Very dark: brightest {n}", { n: found.brightest.toPrecision(1) }) : t("Dark"));
-    setText(normalWords, t("Normalise ({stops} EV)", { stops: stops(stopsUp) }));
-    studio.hidden = !found;
-    normal.hidden = exposure.valueAsNumber >= stopsUp;
-    if (found && !isExposed) expose(found.exposure); // the first view is exposed by what it shows
+    dark.hidden = found === null;
+    if (!found) return;
+    setText(darkWords, t("Very dark: brightest {n}", { n: found.brightest.toPrecision(1) }));
+    if (!isExposed) expose(found.exposure); // the first view is exposed by what it shows
   };
   /** @param {number} stops */
   const expose = (stops) => {
@@ -276,9 +268,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
       // The preview mesh is sharp: what replaces it must be as fine, and not smeared by denoising few samples.
-      const isSharp = mesh.kept !== null || meshed.hidden || done || !isDenoisedSoon || mean >= SHARP_SPP;
+      const isMeshTrue = mesh.kept === null && !meshed.hidden && !isChanged;
+      const isSharp = !isMeshTrue || done || !isDenoisedSoon || mean >= SHARP_SPP;
       const isEnough = mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
-      const isReady = (done && !isDenoisedSoon) || (isFineEnough() && ((denoised && isSharp) || isEnough));
+      const isReady = (done && !isDenoisedSoon) || (denoised && isFineEnough() && isSharp) || (isEnough && (isFineEnough() || !isMeshTrue));
       if (isReady && (isLatest || !mesh.kept)) release();
       else if (denoised) keepNewer(next.id);
       setDenoised(denoised);
@@ -311,6 +304,9 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
   /** The first request. @type {string | undefined} */
   let firstAsked;
+  /** The first request without its camera, and whether a later one differs in more than that: the preview mesh shows only the first. @type {string | undefined} */
+  let firstShown;
+  let isChanged = false;
   /** The latest request, and its size on the page. @type {{text: string, width: number, height: number} | undefined} */
   let lastAsked;
   /** Width of the view in CSS pixels. */
@@ -328,6 +324,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const request = viewRequest();
     const text = JSON.stringify(request);
     if (text !== (firstAsked ??= text) && meshed.hidden) release();
+    const seen = JSON.stringify({ ...request, view: null, camera: null, width: null, height: null });
+    isChanged ||= seen !== (firstShown ??= seen);
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     if (lastAsked && text !== lastAsked.text && Math.abs(width * lastAsked.height - height * lastAsked.width) <= width + height) hold();
@@ -508,7 +506,6 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   look.subscribe((now) => {
     picture.look = now;
     setText(shown, `${stops(now.exposure)} EV`);
-    if (isSampled) lookForDarkness();
     picture.invalidate();
   });
   exposure.addEventListener("input", () => ((isExposed = true), relook()));
