@@ -230,6 +230,11 @@ def test_fbx_vertices_match_blender(node: Node) -> None:
     away = np.linalg.norm(wanted[:, None] - points[None], axis=2).min(axis=1)
     assert away.max() < 1e-3
     assert found["packet"]["background"] == [0, 0, 0], "the file has lamps"
+    lamps = [said[name] for name in ("point", "sun", "spot", "area")]
+    matrices = [np.array(lamp["matrix"]) for lamp in lamps]
+    ways = [Y_UP @ (m[:3, 2] if i == 1 else m[:3, 3]) for i, m in enumerate(matrices)]  # Blender's lamps shine along -Z
+    given = sorted((lamp["isFar"], *np.round(lamp["at"], 3) + 0.0) for lamp in found["packet"]["lamps"])
+    np.testing.assert_allclose(given, sorted((i == 1, *way) for i, way in enumerate(ways)), atol=1e-3)
     assert len(found["images"]) == 1
     assert not found["isWhole"], "it is animated"
 

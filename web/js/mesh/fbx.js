@@ -21,6 +21,7 @@ import { orbitView } from "./shapes.js";
 const ORDERS = ["xyz", "xzy", "yzx", "yxz", "zxy", "zyx"];
 const MOST_DEPTH = 256;
 const [INCH, CENTIMETRES] = [25.4, 100];
+const DIRECTIONAL = 1; // light type
 
 /** The objects of a file, and how they are connected. */
 class Scene {
@@ -113,8 +114,9 @@ export async function readFbx(file, picture, most) {
       }
     }
   }
-  const isLit = scene.all("NodeAttribute", "Light").length > 0; // in a black world
-  return modelOf(parts, IDENTITY, isStill, most, { background: isLit ? [0, 0, 0] : null, camera: (low, high) => cameraOf(scene, low, high) });
+  const lamps = lampsOf(scene);
+  const isLit = lamps.length > 0; // in a black world
+  return modelOf(parts, IDENTITY, isStill, most, { background: isLit ? [0, 0, 0] : null, lamps: isLit ? lamps : undefined, camera: (low, high) => cameraOf(scene, low, high) });
 }
 
 /** @param {Properties} properties @param {string} name @param {number} otherwise @returns {number} */
@@ -302,6 +304,18 @@ async function imageOf(scene, texture, picture) {
     if (found) return found;
   }
   return null;
+}
+
+/** Returns the file's lamps: areas and spots like points, all as bright, since FBX states no unit. @param {Scene} scene @returns {import("./shapes.js").Lamp[]} */
+function lampsOf(scene) {
+  return scene.all("Model", "Light").flatMap(([id]) => {
+    const properties = scene.below(id, "NodeAttribute", "Light")[0]?.[1].properties;
+    if (!properties || !scene.isShown(id)) return [];
+    const isFar = numberIn(properties, "LightType", 0) === DIRECTIONAL;
+    const world = scene.world(id);
+    const at = /** @type {import("./shapes.js").Vec3} */ ((isFar ? [4, 5, 6] : [12, 13, 14]).map((i) => world[i] ?? 0)); // lamps shine along -Y
+    return [{ at, isFar, color: /** @type {import("./shapes.js").Vec3} */ (vectorIn(properties, "Color", [1, 1, 1])) }];
+  });
 }
 
 /** Returns the view through the file's default or first perspective camera. @param {Scene} scene @param {import("./shapes.js").Vec3} low @param {import("./shapes.js").Vec3} high */

@@ -114,6 +114,7 @@ function meshOf(gltf, bin, beside, most) {
   const found = joined(drawn, isLit ? [0, 0, 0] : null);
   if (!found) return null;
   const { packet, places } = found;
+  if (isLit) packet.lamps = lampsOf(gltf, packet.low, packet.high);
   const isWhole = drawn.length === all.length && !(gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights) && !gltf.extensions?.KHR_materials_variants;
   return { packet, view: fileCamera(gltf, packet.low, packet.high) ?? frame(places), isWhole, images: [...pictures.values()] };
 }
@@ -269,6 +270,20 @@ function colorOf(material) {
   const linear = Math.max(...emitted) > 0 && !material.emissiveTexture ? emitted : base;
   const coded = linear.slice(0, 3).map((value) => Math.round(255 * encoded(Math.min(Math.max(value, 0), 1))));
   return [...coded, isUnshaded ? 0 : 255];
+}
+
+/** Returns the file's lamps, spots like points. @param {any} gltf @param {Vec3} low @param {Vec3} high @returns {import("./shapes.js").Lamp[]} */
+function lampsOf(gltf, low, high) {
+  const middle = low.map((value, i) => (value + (high[i] ?? 0)) / 2);
+  return placedNodes(gltf).flatMap(({ node, matrix: m }) => {
+    const light = gltf.extensions.KHR_lights_punctual.lights[node.extensions?.KHR_lights_punctual?.light];
+    if (!light) return [];
+    const isFar = light.type === "directional";
+    const at = /** @type {Vec3} */ ((isFar ? [8, 9, 10] : [12, 13, 14]).map((i) => m[i] ?? 0));
+    const away = isFar ? 1 : Math.hypot(...at.map((value, i) => value - (middle[i] ?? 0))) || 1;
+    const color = /** @type {Vec3} */ ((light.color ?? [1, 1, 1]).map((/** @type {number} */ value) => (value * (light.intensity ?? 1)) / away ** 2));
+    return [{ at, isFar, color }];
+  });
 }
 
 /** Returns the view through the file's first perspective camera. @param {any} gltf @param {Vec3} low @param {Vec3} high @returns {View | null} */

@@ -23,10 +23,10 @@ export const coded = (linear) => linear.map((value) => Math.round(255 * encoded(
  * @param {"y" | "z" | number[]} up the format's conventional up axis, or the matrix by which the file becomes Y up
  * @param {boolean} isWhole whether the service would show the same materials
  * @param {number} [most] triangles, about
- * @param {{background?: Vec3 | null, camera?: (low: Vec3, high: Vec3) => import("../base/types.js").View | null}} [own] the file's own world, as in MeshPacket, and camera
+ * @param {{background?: Vec3 | null, lamps?: import("./shapes.js").Lamp[], camera?: (low: Vec3, high: Vec3) => import("../base/types.js").View | null}} [own] the file's own world, as in MeshPacket, and camera
  * @returns {LocalMesh | null} null if there are no triangles, or a position or an index is invalid
  */
-export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES, { background = null, camera } = {}) {
+export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES, { background = null, lamps, camera } = {}) {
   const shown = parts.filter(({ shape }) => shape.indices.length > 0);
   const total = shown.reduce((sum, { shape }) => sum + shape.indices.length / 3, 0);
   if (!total || !shown.every(({ shape }) => isBelow(shape.indices, shape.positions.length / 3))) return null;
@@ -41,6 +41,7 @@ export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES, { background 
   const found = joined(drawn, background);
   if (!found) return null;
   const { packet, places } = found;
+  if (lamps) packet.lamps = lamps;
   return { packet, view: camera?.(packet.low, packet.high) ?? frame(places), isWhole, images };
 }
 

@@ -7,6 +7,7 @@ import { cofactors } from "./matrix.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").View} View */
+/** @typedef {import("../news/mesh-packet.js").Lamp} Lamp */
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
 /**
  * What a reader returns.
