@@ -171,6 +171,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
   /** Cameras of the latest requests, by their ids. @type {Map<number, View>} */
   const views = new Map();
+  /** Camera of the request that is sent next. */
+  let askedView = form.view();
   /** Keeps a denoised picture on the page after a change, projected for the new camera, until the new one is denoised. */
   const hold = () => {
     const view = views.get(Number(surface.dataset.view));
@@ -242,6 +244,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let sampledAt = 0;
 
   const link = new ViewLink(scene.id, {
+    asked(id) {
+      views.set(id, askedView);
+      views.delete(id - MOST_VIEWS);
+    },
     picture(next) {
       film.take(next);
       picture.layers[0].setCoverage(film.film);
@@ -331,8 +337,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (lastAsked && text !== lastAsked.text && Math.abs(width * lastAsked.height - height * lastAsked.width) <= width + height) hold();
     lastAsked = { text, width, height };
     asked = { width, height };
-    views.set(link.id + 1, form.view());
-    views.delete(link.id + 1 - MOST_VIEWS);
+    askedView = form.view();
     link.show({ ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true });
     if (isCovered) mesh.setView(form.view());
     others.changed();
