@@ -48,14 +48,16 @@ const LEAST_SIDE = 16;
 const TAKE_SIDE = 320;
 /** Interval, in milliseconds, of checks whether the view is too dark. */
 const DARKNESS_MS = 500;
-/** Samples per pixel after which a view that is never denoised replaces a finished picture, and the preview mesh; and a denoised view the mesh. */
-const [CLEAN_SPP, MESH_SPP, SHARP_SPP] = [8, 1, 4];
+/** Samples per pixel after which a view that is never denoised replaces a finished picture; and the preview mesh. */
+const [CLEAN_SPP, MESH_SPP] = [8, 1];
 /** Time, in milliseconds, that a view of MESH_SPP samples is awaited denoised, and samples per pixel that end the wait: noise must not follow a clean picture. */
 const [DENOISED_MS, DENOISED_SPP] = [15_000, 64];
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
 const COVERED_MS = 500;
 /** Part of the view's width that a denoised picture must have to replace the preview mesh; the number of requests whose cameras are remembered. */
 const [FINE_SHARE, MOST_VIEWS] = [0.75, 256];
+/** Samples per pixel after which a denoised view replaces the preview mesh, which is sharper than fewer denoised ones. */
+const SHARP_SPP = 4;
 /** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
 const POOR = 0.6;
 /** Request fields that do not apply to a view. */
