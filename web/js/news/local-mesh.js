@@ -13,6 +13,14 @@ const READ_HERE = /\.(fbx|glb|gltf|obj|ply|stl|zip)$/i;
 /** @type {{scene: string, mesh: Promise<LocalMesh | null>} | null} */
 let latest = null;
 
+/** A worker for the next upload, which loads its modules meanwhile. @type {Worker | null} */
+let spare = null;
+
+/** Prepares for an upload that is likely: files are dragged over the page or chosen. */
+export function prepareReader() {
+  spare ??= new Worker(new URL("../mesh/mesh-worker.js", import.meta.url), { type: "module" });
+}
+
 /**
  * Starts reading an upload.
  *
@@ -22,9 +30,11 @@ let latest = null;
  */
 export async function readLocally(files, main) {
   if (!files.some(({ path }) => READ_HERE.test(path)) || files.reduce((sum, { file }) => sum + file.size, 0) > MOST_BYTES) return null;
+  prepareReader();
+  const worker = /** @type {Worker} */ (spare);
+  spare = null;
   const { formats } = await getInfo();
   return new Promise((resolve) => {
-    const worker = new Worker(new URL("../mesh/mesh-worker.js", import.meta.url), { type: "module" });
     /** @type {((image: ImageBitmap | null) => void)[]} textures that are still being decoded */
     const awaited = [];
     const end = () => {

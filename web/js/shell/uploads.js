@@ -14,7 +14,7 @@ import { pick } from "./pick-files.js";
 import { go, here } from "./router.js";
 import { Card, announce, showActionNotice, showError } from "./tray.js";
 import { Pace } from "./upload-pace.js";
-import { keepLocal, readLocally } from "../news/local-mesh.js";
+import { keepLocal, prepareReader, readLocally } from "../news/local-mesh.js";
 import { upload } from "../news/upload.js";
 import { uploadSeconds } from "../news/upload-times.js";
 import { filesFor, rivals, whichScene } from "./which-scene.js";
@@ -30,6 +30,9 @@ const STALLED_MS = 15_000;
 
 /** The way on after a refusal. */
 const again = { label: t("Choose other files"), run: () => pick({ folder: false }, start) };
+
+/** Prepares for files that are being dragged or chosen. */
+export const prepare = prepareReader;
 
 /** @param {NamedFile[]} files */
 export async function start(files) {
