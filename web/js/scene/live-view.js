@@ -560,7 +560,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
 /** Whether a picture of one camera can be shown for another. @param {View} from @param {View} to */
 const canKeep = (from, to) =>
-  JSON.stringify(from) === JSON.stringify(to) || [from, to].every(({ projection }) => (projection ?? "perspective") === "perspective");
+  JSON.stringify(from) === JSON.stringify(to) || ((from.projection ?? "perspective") === (to.projection ?? "perspective") && from.projection !== "panorama");
 
 /**
  * Returns what a view shows as a small picture in base64.
