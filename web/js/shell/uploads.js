@@ -14,7 +14,7 @@ import { pick } from "./pick-files.js";
 import { go, here } from "./router.js";
 import { Card, announce, showActionNotice, showError } from "./tray.js";
 import { Pace } from "./upload-pace.js";
-import { keepLocal, readLocally } from "../news/local-mesh.js";
+import { keepLocal, prepareReader, readLocally } from "../news/local-mesh.js";
 import { upload } from "../news/upload.js";
 import { uploadSeconds } from "../news/upload-times.js";
 import { filesFor, rivals, whichScene } from "./which-scene.js";
@@ -30,6 +30,9 @@ const STALLED_MS = 15_000;
 
 /** The way on after a refusal. */
 const again = { label: t("Choose other files"), run: () => pick({ folder: false }, start) };
+
+/** Prepares for files that are being dragged or chosen. */
+export const prepare = prepareReader;
 
 /** @param {NamedFile[]} files */
 export async function start(files) {
@@ -201,7 +204,7 @@ async function sendOnce(files, fields) {
   const stalled = () => setText(line, t("Nothing was sent for {n} s. It goes on when the connection does.", { n: STALLED_MS / 1000 }));
   setUnderWay(1);
   const begun = performance.now();
-  const mesh = readLocally(files.map(({ file }) => file));
+  const mesh = fields["base"] ? Promise.resolve(null) : readLocally(files, fields["main"]).catch(() => null);
   try {
     const scene = await upload(files, {
       fields,
