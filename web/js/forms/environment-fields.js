@@ -94,11 +94,8 @@ export function environmentFields(first, isLightless) {
   const choices = lightChoices(
     (id) => {
       const preset = environmentOf(id)?.sky;
-      if (preset) {
-        showSun({ elevation: preset.elevation, azimuth: preset.azimuth ?? 0 });
-      }
+      if (preset) showSun({ elevation: preset.elevation, azimuth: preset.azimuth ?? 0 });
       pick(id);
-      if (id === "color" || preset || id === "sky") setOpen(opener, true);
       tell(true);
     },
     () => ask((file) => void add(file)),
@@ -111,18 +108,18 @@ export function environmentFields(first, isLightless) {
     h("legend", null, t("Light")),
     choices.element,
     note,
+    colourField,
+    sky,
     h(
       "div",
       { class: "light-rest" },
       more.element,
       h("div", { class: "row spread" }, hint, remove),
-      colourField,
-      sky,
       h("div", { class: "light-sliders" }, numbers.map(({ element }) => element)),
     ),
     opener,
   );
-  setOpen(opener, kind !== "own" || numbers.some(({ setting, get }) => get() !== setting.default));
+  setOpen(opener, numbers.some(({ setting, get }) => get() !== setting.default));
 
   /** @param {{elevation: number, azimuth: number}} next as the sky has it */
   function showSun(next) {

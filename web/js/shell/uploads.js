@@ -263,8 +263,13 @@ function explainImages(files) {
       (error) => showError(t("{name} was not taken", { name }), error),
     );
   };
-  showError(t("{name} is not a scene", { name }), isLight ? t("It can light one: open a scene, and drop it there.") : t("Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it."), {
-    atDrop: true,
-    action: isLight ? { label: t("Add it to the lights"), run: keep } : again,
-  });
+  if (isLight) {
+    showActionNotice(t("{name} can light a scene: open one, and drop it there.", { name }), { label: t("Add it to the lights"), run: keep });
+    return;
+  }
+  showError(
+    t("{name} is not a scene", { name }),
+    t("Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it."),
+    { atDrop: true, action: again },
+  );
 }
