@@ -35,7 +35,7 @@ const again = { label: t("Choose other files"), run: () => pick({ folder: false 
 export async function start(files) {
   if (!files.length) {
     const { formats } = await getInfo();
-    showError(t("Nothing to upload"), t("There was no file in what you dropped. A scene is one of {formats}.", { formats: formats.join(" ") }), { atDrop: true });
+    showError(t("Nothing to upload"), t("There was no file in what you dropped. A scene is one of {formats}.", { formats: formats.join(" ") }), { ofUpload: true });
     return;
   }
   const sent = files.map(({ file }) => file);
@@ -54,7 +54,7 @@ export async function start(files) {
     for (const [suffix, advice] of Object.entries(foreign)) {
       const at = paths.findIndex((path) => path.endsWith(suffix));
       if (at < 0) continue;
-      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), hasCode(codes?.[suffix], UNPACK) ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop what that writes.", { advice: said(advice, codes?.[suffix]) }), { atDrop: true, action: again });
+      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), hasCode(codes?.[suffix], UNPACK) ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop what that writes.", { advice: said(advice, codes?.[suffix]) }), { ofUpload: true, action: again });
       return;
     }
   }
@@ -223,8 +223,8 @@ async function sendOnce(files, fields) {
     const heading = notUploadedTitle(files);
     // Error responses of the service name the remedy.
     if (error instanceof ApiError && error.status === 0)
-      return new Promise((resolve) => showError(heading, error, { atDrop: true, action: { label: t("Try again"), run: () => resolve(AGAIN) } }));
-    showError(heading, error, { atDrop: true, action: again });
+      return new Promise((resolve) => showError(heading, error, { ofUpload: true, action: { label: t("Try again"), run: () => resolve(AGAIN) } }));
+    showError(heading, error, { ofUpload: true, action: again });
     return null;
   } finally {
     clearTimeout(stalling);
@@ -270,6 +270,6 @@ function explainImages(files) {
   showError(
     t("{name} is not a scene", { name }),
     t("Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it."),
-    { atDrop: true, action: again },
+    { ofUpload: true, action: again },
   );
 }
