@@ -2,7 +2,6 @@
 
 import { fill, h } from "../base/dom.js";
 import { chosenProject } from "../base/project.js";
-import { setDropPlace } from "./drop-place.js";
 import { filesOfDrop } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { mayChange } from "../news/projects.js";
@@ -69,7 +68,6 @@ export function acceptDrops() {
     event.preventDefault();
     hide();
     if (!isFree) return;
-    setDropPlace({ x: event.clientX, y: event.clientY });
     const gathering = filesOfDrop(event.dataTransfer);
     void gatherAndSend(() => gathering, upload);
   });

@@ -38,7 +38,7 @@ export const prepare = prepareReader;
 export async function start(files) {
   if (!files.length) {
     const { formats } = await getInfo();
-    showError(t("Nothing to upload"), t("There was no file in what you dropped. A scene is one of {formats}.", { formats: formats.join(" ") }), { atDrop: true });
+    showError(t("Nothing to upload"), t("There was no file in what you dropped. A scene is one of {formats}.", { formats: formats.join(" ") }), { ofUpload: true });
     return;
   }
   const sent = files.map(({ file }) => file);
@@ -57,7 +57,7 @@ export async function start(files) {
     for (const [suffix, advice] of Object.entries(foreign)) {
       const at = paths.findIndex((path) => path.endsWith(suffix));
       if (at < 0) continue;
-      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), hasCode(codes?.[suffix], UNPACK) ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop what that writes.", { advice: said(advice, codes?.[suffix]) }), { atDrop: true, action: again });
+      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), hasCode(codes?.[suffix], UNPACK) ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop what that writes.", { advice: said(advice, codes?.[suffix]) }), { ofUpload: true, action: again });
       return;
     }
   }
@@ -226,8 +226,8 @@ async function sendOnce(files, fields) {
     const heading = notUploadedTitle(files);
     // Error responses of the service name the remedy.
     if (error instanceof ApiError && error.status === 0)
-      return new Promise((resolve) => showError(heading, error, { atDrop: true, action: { label: t("Try again"), run: () => resolve(AGAIN) } }));
-    showError(heading, error, { atDrop: true, action: again });
+      return new Promise((resolve) => showError(heading, error, { ofUpload: true, action: { label: t("Try again"), run: () => resolve(AGAIN) } }));
+    showError(heading, error, { ofUpload: true, action: again });
     return null;
   } finally {
     clearTimeout(stalling);
@@ -266,8 +266,13 @@ function explainImages(files) {
       (error) => showError(t("{name} was not taken", { name }), error),
     );
   };
-  showError(t("{name} is not a scene", { name }), isLight ? t("It can light one: open a scene, and drop it there.") : t("Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it."), {
-    atDrop: true,
-    action: isLight ? { label: t("Add it to the lights"), run: keep } : again,
-  });
+  if (isLight) {
+    showActionNotice(t("{name} can light a scene: open one, and drop it there.", { name }), { label: t("Add it to the lights"), run: keep });
+    return;
+  }
+  showError(
+    t("{name} is not a scene", { name }),
+    t("Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it."),
+    { ofUpload: true, action: again },
+  );
 }
