@@ -1,8 +1,9 @@
 """Trains the guide of an image from pilot paths: a function of the compiled scene and the settings, the same on every host.
 
 The first LOOK paths measure how often light samples find light. In a scene lit that way portals are of no use, and `auto` renders
-without a guide. Otherwise portals are learned in two rounds of paths, the second guided by the portals of the first. They are the
-guide if they reduce the second moments of further paths enough; if not, it is one of histograms, of three rounds and photons.
+without a guide; a part of them suffices where that is clear. Otherwise portals are learned in two rounds of paths, the second guided
+by the portals of the first. They are the guide if they reduce the second moments of further paths enough; if not, it is one of
+histograms, of three rounds and photons.
 """
 
 from __future__ import annotations
@@ -37,8 +38,10 @@ __all__ = ["is_guide_kept", "keep_guide", "kept_guide", "load_pilot_kernel", "tr
 
 ROUNDS = (1 << 16, 1 << 16, 1 << 17)  # camera paths of a guide of histograms
 PORTAL_ROUNDS = (1 << 15, 1 << 16, 1 << 13)  # of one of portals; the last round tests them
-LOOK = 1 << 12  # of the first round, which test whether the scene is lit
+LOOK = 1 << 12  # of the first round, which test whether the scene is lit;
+GLANCE = 1 << 10  # the first of these suffice where it clearly is
 MOST_LIT = 0.25  # fraction of segments at whose end a light sample finds light; 0.02 behind a door that is ajar
+CLEARLY = 0.1  # beyond MOST_LIT, several standard errors of the fraction after GLANCE paths
 PHOTONS = 1 << 18
 # Fraction of the second moments. If more is left, `auto` renders without a guide, and `on` learns the share of each cell. If less
 # is left, a share of a half everywhere is better: there are too few pilot paths to estimate the shares of single cells.
@@ -72,7 +75,10 @@ def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ..
     emitters = emitters_of(scene)
     photons = photons if len(emitters.table) else 0
     pilot = _PilotPaths(scene, settings, photons)  # samples are numbered through, so that all paths are independent
-    first = pilot.follow(min(LOOK, rounds[0]), empty_guide())
+    first = pilot.follow(min(GLANCE, rounds[0]), empty_guide())
+    if settings.guiding == "auto" and lit_part(first) > MOST_LIT + CLEARLY:
+        return empty_guide()
+    first = np.concatenate((first, pilot.follow(max(min(LOOK, rounds[0]) - GLANCE, 0), empty_guide())))
     is_lit = lit_part(first) > MOST_LIT
     if is_lit and settings.guiding == "auto":
         return empty_guide()

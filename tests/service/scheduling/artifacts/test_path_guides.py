@@ -9,7 +9,9 @@ import time
 import pytest
 
 from protocol.contract import TrainPathGuide
+from service.http.redaction import RESOURCE_FIELDS
 from service.scheduling.artifacts import artifact_task
+from service.scheduling.artifacts.artifact_task import ArtifactTask
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, guide_of
 
@@ -109,3 +111,7 @@ def test_restarted_service_has_guides_trained_again(service: Service, worker: Pe
     plain = service.submit(service.ready_scene(), spp=64)
     service.wait_for(plain, "finished", 30)
     assert service.digest(job) == service.digest(plain)
+
+
+def test_slots_do_not_show_hidden_jobs_by_their_artifacts() -> None:
+    assert {each._doing for each in ArtifactTask.__subclasses__()} <= RESOURCE_FIELDS.keys()
