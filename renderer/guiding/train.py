@@ -1,9 +1,9 @@
 """Trains the guide of an image from pilot paths: a function of the compiled scene and the settings, the same on every host.
 
 The first LOOK paths measure how often light samples find light. In a scene lit that way portals are of no use, and `auto` renders
-without a guide; a part of them suffices where that is clear. Otherwise portals are learned in two rounds of paths, the second guided
-by the portals of the first. They are the guide if they reduce the second moments of further paths enough; if not, it is one of
-histograms, of three rounds and photons.
+without a guide; a part of them suffices where that is clear. Otherwise portals are learned in two rounds of paths, the second
+guided by the portals of the first. They are the guide if they reduce the second moments of further paths enough; if not, it is
+one of histograms, of three rounds and photons.
 """
 
 from __future__ import annotations
