@@ -47,6 +47,7 @@ PHOTONS = 1 << 18
 # is left, a share of a half everywhere is better: there are too few pilot paths to estimate the shares of single cells.
 MOST_LEFT = 0.4
 MOST_LEFT_BY_PORTALS = 0.85  # likewise, of the second moments relative to their cube's light, for a guide of portals
+ERRORS = 2.0  # standard errors of that fraction by which it must stay below for `auto`
 _FOCUSING = (MIRROR, GLASS, CONDUCTOR)  # materials without which `auto` does not try histograms, which pay for caustics alone
 _RECORDS = 12  # at most, a path, on average
 _OTHER_SEED = 0x9E3779B9  # pilot paths must be independent of the film's
@@ -84,7 +85,7 @@ def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ..
         return empty_guide()
     if not is_lit and rounds[0]:
         first = np.concatenate((first, pilot.follow(max(PORTAL_ROUNDS[0] - LOOK, 0), empty_guide())))
-        guide = _portals(pilot, first)
+        guide = _portals(pilot, first, ERRORS if settings.guiding == "auto" else 0.0)
         if guide is not None:
             return guide
     if settings.guiding == "auto" and not np.isin(scene.material_kind, _FOCUSING).any():
@@ -117,16 +118,20 @@ class _PilotPaths:
         return records[: follow_photons(Packed(scene), self._stack, self._options, photons, self._log, records)]
 
 
-def _portals(pilot: _PilotPaths, first: Records) -> Guide | None:
-    """Returns a guide of portals; None if it saves too little. first: the records of unguided paths."""
+def _portals(pilot: _PilotPaths, first: Records, errors: float) -> Guide | None:
+    """Returns a guide of portals; None if it saves too little.
+
+    first: the records of unguided paths. errors: by how many standard errors it must save enough.
+    """
     learned = learn_portals(segments_of(first)) if len(first) else None
     if learned is None:
         return None
     guide = learn_portals(segments_of(np.concatenate((first, pilot.follow(PORTAL_ROUNDS[1], learned)))))
     others = pilot.follow(PORTAL_ROUNDS[2], learned)
-    if guide is None or not len(others) or not moment_left(guide, segments_of(others)) < MOST_LEFT_BY_PORTALS:
+    if guide is None or not len(others):
         return None
-    return guide
+    left, error = moment_left(guide, segments_of(others))
+    return guide if left + errors * error < MOST_LEFT_BY_PORTALS else None
 
 
 def _histograms(
