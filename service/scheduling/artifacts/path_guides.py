@@ -65,6 +65,12 @@ class PathGuides(ArtifactTask[TrainPathGuide]):
                     self._request_guide(job, frame, kind)
         self._release_unneeded(jobs)
 
+    def discard_job(self, job: str) -> None:
+        """Discards the open requests and the guides of a job that was deleted, has ended or is loaded again."""
+        for key in [key for key in self._awaited if key[0] == job]:
+            del self._awaited[key]
+        super().discard_job(job)
+
     def _frames_in_need(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
         """Returns the frames whose guides are requested now: few more than are rendered soon."""
         slots, turns = self._workers.roster.slots(kind), job.agenda.turns

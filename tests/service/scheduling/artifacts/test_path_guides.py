@@ -106,6 +106,7 @@ def test_restarted_service_has_guides_trained_again(service: Service, worker: Pe
     job = service.submit(service.ready_scene(), guiding="on", spp=64)
     until(lambda: len(worker.batches) >= 2, "it is being rendered")
     service.restart()
+    worker.http.base_url = service.url  # which has another port
     service.wait_for(job, "finished", 30)
     assert {batch.guide for batch in worker.batches} == {sha256_of(job, 0)}
     plain = service.submit(service.ready_scene(), spp=64)
