@@ -127,6 +127,7 @@ class WorkerContext:
             vectors=True,
             several=True,
             recalls=True,
+            trains_guides=True,
             views=view_queue(self.kind) in self.queues,
             explains=True,
             denoises_views=denoise.is_available(),

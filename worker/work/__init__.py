@@ -12,9 +12,10 @@ prepare.py            a scene
 thumbnail.py          a prepared scene's thumbnail
 frames.py             frames of a shot
 relight.py            a scene under another environment
-derived_artifacts.py  the tasks with results on demand: denoising, motion vectors, environments
+derived_artifacts.py  the tasks with results on demand: denoising, motion vectors, path guides, environments
 denoise.py            a denoised frame
 vectors.py            motion vectors
+path_guides.py        a frame's path guide: trained, stored and read
 environments.py       an uploaded environment's thumbnail
 explain.py            the paths of a pixel
 files.py              a scene's files in a folder

@@ -23,18 +23,21 @@ from renderer.cuda.driver import Card, DriverError
 from renderer.cuda.render import CardError, CardMemoryError, CardRenderer
 from renderer.errors import RayfarmError
 from renderer.film import SAMPLES, BatchSums
-from renderer.render import is_for_cards, render_batch, variant_for, warm_up_guide
+from renderer.kernel.accumulate import samples_guide
+from renderer.render import is_for_cards, render_batch, settings_as_rendered, variant_for
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
 from renderer.settings import Tile
 from renderer.variant_names import variant_suffix
 from worker.exchange.errors import TemporaryError, WorkerError
 from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
+from worker.exchange.ready import pilot_readiness
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.process.slot_number import slot
 from worker.work.card_self_test import check_kernel
 from worker.work.open_scenes import mapped_scene
+from worker.work.path_guides import use_stored_guide
 from worker.work.render import PATIENCE_S, rendered_outcome, returned_event
 
 __all__ = [
@@ -204,7 +207,10 @@ def _prepare_renderer(
         raise UnusableError(_failed_tests.get(card.number) or _card_failed_sentence(card))
     scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
     variant = variant_for(batch.settings, scene)
-    kernel = f"{variant}{variant_suffix(batch.settings)}"
+    if samples_guide(batch.settings):
+        use_stored_guide(worker, scene, batch.settings, batch.guide)
+    settings = settings_as_rendered(batch.settings, scene, pilot_readiness(worker.link, compiling))
+    kernel = f"{variant}{variant_suffix(settings)}"
     renderer = _cards.get(card.number)
     if renderer is None or not renderer.has_kernel(kernel):
         compiling(True)
@@ -215,7 +221,6 @@ def _prepare_renderer(
         renderer = _cards.get(card.number) or CardRenderer(card)
         _cards[card.number] = renderer
         _load(worker, renderer, kernel)
-        warm_up_guide(batch.settings, variant)
         compiling(False)
     return renderer, scene
 

@@ -23,10 +23,10 @@ from protocol.view_parts import (
 )
 from renderer.errors import RayfarmError
 from renderer.film import ALBEDO, COLOR, NORMAL, SAMPLES, Sums, alpha_plane
-from renderer.render import is_warm, render_batch, variant_for
+from renderer.render import is_warm, render_batch, settings_as_rendered, variant_for
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError
-from worker.exchange.ready import make_kernel_ready
+from worker.exchange.ready import make_kernel_ready, pilot_readiness
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.work.frames import prepare_frames
@@ -81,10 +81,11 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
     try:
         scene = retry_temporary(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
         variant = variant_for(work.settings, scene)
-        if not is_warm(work.settings, variant):
+        kernel = settings_as_rendered(work.settings, scene, pilot_readiness(worker.link, compiling))
+        if not is_warm(kernel, variant):
             compiling(True)
             answering.send("compiling")
-            make_kernel_ready(worker.link, work.settings, variant)
+            make_kernel_ready(worker.link, kernel, variant)
             compiling(False)
         for part in work.parts:
             if not answering.is_wanted():

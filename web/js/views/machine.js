@@ -202,7 +202,7 @@ function sayWhat(label, slot, name, key) {
     ? [linkTo("jobs", slot.job), name ?? t("A picture")]
     : slot.scene
       ? [linkTo("scenes", slot.scene), t("Prepares a scene")]
-      : ["", slot.hidden ? t("Works for a project you cannot see") : slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.view ? t("Live view") : t("Slot {number}", { number: Number(key) + 1 })];
+      : ["", slot.hidden ? t("Works for a project you cannot see") : slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.path_guide ? t("Path guide") : slot.view ? t("Live view") : t("Slot {number}", { number: Number(key) + 1 })];
   const said = slot.compiling ? t("{text}, compiling", { text }) : text;
   if (label.title === `${href} ${said}`) return;
   label.title = `${href} ${said}`;
