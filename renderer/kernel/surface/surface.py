@@ -73,7 +73,7 @@ class Surface(NamedTuple):
     color: tuple[float, float, float, float]  # vertex colour RGBA, white if there is none
     tangent: tuple[float, float, float, float]  # unit, and the bitangent's sign; zeros if the material needs none
     smooth: bool  # whether reflected rays start above the triangle's facet,
-    lift: tuple[float, float, float]  # offset of their origin from `point`
+    lift: tuple[float, float, float]  # offset of their origin from `point`; of curves, which are not smooth, the axis times the radius
 
 
 @device
@@ -314,7 +314,9 @@ def _triangle_surface(scene, wo, hit):
         if any_of(hair):
             diameter = _diameter(scene, hit, i, j, k, u, v)
             error = where(hair, max(error, diameter), error)
+            lift = where3(hair, (none, none, none), lift)
             if any_of(curved):
+                lift = where3(curved, vec.scale((tangent[0], tangent[1], tangent[2]), _HALF * diameter), lift)
                 round_normal = _around_curve(tangent, wo, (u - v) * tangent[3])
                 point = where3(curved, vec.add(point, vec.scale(round_normal, _HALF * diameter)), point)
                 error = where(curved, diameter * _OFF_CURVE + POINT_ERROR * vec.magnitude(point), error)
