@@ -1,4 +1,6 @@
-"""Tests of light on segments of round curves: as bright as finely divided tubes, and not occluded by the fibre itself."""
+"""Tests of light on curves: round ones are as bright as tubes and do not occlude themselves; flat ones face the ray."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -59,7 +61,7 @@ def _transmit(scene, stack, o, d, away, found):
 
 
 def test_bent_fibres_do_not_occlude_light_that_they_transmit() -> None:
-    """Rays out of the plane of a bent fibre hit it again in less than 1 % of the cases, although its segments overlap at bends."""
+    """Rays out of the plane of a bent fibre hit it again in less than 1 % of the cases, although segments overlap at bends."""
     radius, turn, random = 0.05, np.linspace(0, 1.5, 9), np.random.default_rng(1)
     arc = Strand(np.column_stack([np.cos(turn), np.sin(turn), 0 * turn]), np.full(9, radius))
     made = strip_absent_features(scene([HAIR], (strands_mesh([arc], fibres=True),), lights=(SUN,)), "hair")
@@ -73,3 +75,24 @@ def test_bent_fibres_do_not_occlude_light_that_they_transmit() -> None:
     transmitted, occluded = found.sum(axis=0)
     assert transmitted > count / 10
     assert occluded < 0.01 * transmitted
+
+
+@pytest.mark.parametrize("eye", [(0.0, 0.0, 6.0), (6.0, 0.0, 0.0), (4.0, 2.0, 4.0)])
+def test_flat_curves_face_the_ray(eye: tuple[float, float, float]) -> None:
+    """A diffuse one is as bright up to its edges as a plane through its axis that faces the viewer: it does not shadow itself."""
+    along, albedo, radius = np.array((0.1, 1.0, 0.2)) / np.sqrt(1.05), 0.5, 0.3
+    ribbon = Strand(np.linspace(-2, 2, 5)[:, None] * along, np.full(5, radius))
+    mesh = replace(strands_mesh([ribbon], fibres=True), flat=True)
+    across = np.cross(along, eye) / np.linalg.norm(np.cross(along, eye))
+    for direction in ((-5.0, -1.0, -7.0), (-7.0, -3.0, 2.0)):
+        made = scene([Material(base_color=gray(albedo))], (mesh,), lights=(Light("directional", (1, 1, 1), direction=direction),))
+        assert variant_of(made) == "hair"
+        for h in (-0.9, 0.0, 0.9):
+            target = h * radius * across
+            view = settings(eye, tuple(target), fov=0.4, size=8, max_depth=2)
+            seen = mean(render_frame(made, view, 16), view.film_exponent)[..., 0]
+            up = eye - target - along * ((eye - target) @ along)
+            cosine = -up @ np.array(direction) / np.linalg.norm(up) / np.linalg.norm(direction)
+            np.testing.assert_allclose(seen, max(cosine, 0) * albedo / np.pi, rtol=0.01)
+        view = settings(eye, tuple(1.1 * radius * across), fov=0.4, size=8, max_depth=2)
+        assert not mean(render_frame(made, view, 16), view.film_exponent).any()
