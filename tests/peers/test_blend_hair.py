@@ -36,12 +36,13 @@ def test_hair_curves_and_particle_hair_are_fibres(made: Path) -> None:
     told = np.array(json.loads((made / "told.json").read_text())) @ TO_Y_UP.T
     mesh = found.meshes[shown["Sphere fur"].mesh]
     place = shown["Sphere fur"].transform
-    axis = mesh.positions.reshape(told.shape) @ place[:3, :3].T + place[:3, 3]
+    axis = mesh.positions.reshape(*told.shape[:2], SIDES, 3).mean(axis=2) @ place[:3, :3].T + place[:3, 3]
     np.testing.assert_allclose(axis, told, atol=1e-5)
     assert mesh.diameters is not None and mesh.tangents is not None
-    ends = mesh.diameters.reshape(told.shape[:2])[:, [0, -1]]
-    np.testing.assert_allclose(ends, np.broadcast_to((0.02, 0), ends.shape), atol=1e-6)  # with closed tips
-    along = mesh.tangents.reshape(*told.shape[:2], 4)[:, 0, :3] @ place[:3, :3].T
+    widened = np.pi / SIDES / np.sin(np.pi / SIDES)
+    ends = mesh.diameters.reshape(*told.shape[:2], SIDES)[:, [0, -1], 0]
+    np.testing.assert_allclose(ends, np.broadcast_to((0.02 * widened, 0), ends.shape), atol=1e-6)  # with closed tips
+    along = mesh.tangents.reshape(*told.shape[:2], SIDES, 4)[:, 0, 0, :3] @ place[:3, :3].T
     steps = told[:, 1] - told[:, 0]
     np.testing.assert_allclose(along, steps / np.linalg.norm(steps, axis=1, keepdims=True), atol=1e-4)
     for name in ("Sphere fur", "strands hair", "carrier instance"):

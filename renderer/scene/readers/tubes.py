@@ -26,7 +26,6 @@ __all__ = [
     "curve_weights",
     "elliptic",
     "fibres",
-    "fibres_of_tubes",
     "fineness_of",
     "line_tangents",
     "ribbons",
@@ -294,33 +293,6 @@ def elliptic(mesh: Mesh, sides: int, aspect: float) -> Mesh:
         normals=(across * major + along * minor).reshape(-1, 3).astype(np.float32),
         uvs1=np.concatenate([across, along], axis=2).reshape(-1, 2).astype(np.float32),
         diameters=(mesh.diameters * widened).astype(np.float32),
-    )
-
-
-def fibres_of_tubes(mesh: Mesh, sides: int) -> Mesh:
-    """Returns fibres whose vertices are rings of `sides`, with 2 `sides` triangles between consecutive ones, as round curves.
-
-    mesh: as for `elliptic`, whose rings have the fibre's circumference. A mesh of another structure is returned as it is.
-    """
-    assert mesh.normals is not None and mesh.tangents is not None and mesh.diameters is not None
-    if len(mesh.positions) % sides:
-        return mesh
-    ring = mesh.triangles.astype(np.int64) // sides
-    pairs, counts = np.unique(np.column_stack([ring.min(axis=1), ring.max(axis=1)]), axis=0, return_counts=True)
-    if not ((counts == 2 * sides) & (pairs[:, 1] == pairs[:, 0] + 1)).all():
-        return mesh
-    first = slice(None, None, sides)
-    uvs, uvs1, colors = (None if each is None else each[first] for each in (mesh.uvs, mesh.uvs1, mesh.colors))
-    return replace(
-        mesh,
-        positions=mesh.positions.reshape(-1, sides, 3).mean(axis=1, dtype=np.float64).astype(mesh.positions.dtype),
-        triangles=pairs[:, [0, 1, 1]].astype(np.int32),
-        normals=mesh.normals[first],
-        tangents=mesh.tangents[first],
-        diameters=(mesh.diameters[first] / (np.pi / sides / np.sin(np.pi / sides))).astype(np.float32),
-        uvs=uvs,
-        uvs1=uvs1,
-        colors=colors,
     )
 
 

@@ -14,17 +14,7 @@ from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.readers.curve_files import mesh_of_curves
 from renderer.scene.readers.polylines import by_stride
 from renderer.scene.readers.strands import Strand, strands_mesh
-from renderer.scene.readers.tubes import (
-    BASES,
-    MAX_STEPS,
-    curve_segments,
-    curve_weights,
-    elliptic,
-    fibres_of_tubes,
-    tubes,
-    tubes_mesh,
-    varying_values,
-)
+from renderer.scene.readers.tubes import BASES, MAX_STEPS, curve_segments, curve_weights, elliptic, varying_values
 from tests.helpers import code_of
 
 
@@ -85,20 +75,6 @@ def test_elliptic_fibres_have_the_ellipses_axes_and_normals() -> None:
     bent = elliptic(replace(flat, normals=np.zeros_like(flat.normals)), 12, 0.5)
     assert bent.normals is not None and bent.uvs1 is not None
     assert np.isfinite(bent.normals).all() and np.isfinite(bent.uvs1).all(), "normals without a direction"
-
-
-def test_tubes_of_blender_become_their_curves() -> None:
-    """Axes, tangents and diameters of fibres within tubes are those of the curves; other meshes are left as they are."""
-    lines, radii = np.stack(arcs([0.25, 3.0])), np.stack([np.linspace(0.03, 0.01, 13)] * 2)
-    whole = tubes_mesh("hair", [tubes(lines, radii, None, 6, fibres=True)])
-    curves = strands_mesh([Strand(*each) for each in zip(lines, radii, strict=True)], fibres=True)
-    found = fibres_of_tubes(whole, 6)
-    np.testing.assert_array_equal(found.triangles, curves.triangles)
-    for name in ("positions", "tangents", "diameters"):
-        np.testing.assert_allclose(getattr(found, name), getattr(curves, name), atol=1e-6)
-    for other in (replace(whole, triangles=whole.triangles[:-1]), replace(whole, triangles=whole.triangles[::2])):
-        assert fibres_of_tubes(other, 6) is other
-    assert fibres_of_tubes(whole, 5) is whole
 
 
 def test_curves_that_are_no_fibres_become_tubes() -> None:

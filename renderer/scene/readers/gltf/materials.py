@@ -73,10 +73,6 @@ class Materials:
         """Returns True if the material transmits light and has no thickness; it is then thin unless its mesh is closed."""
         return index is not None and self._materials[self._first + index].transmission > 0 and not self._filled[index]
 
-    def is_hair(self, index: int | None) -> bool:
-        """Returns True if a material is hair."""
-        return index is not None and self._materials[self._first + index].kind == "hair"
-
     def aspect_ratio(self, index: int | None) -> float:
         """Returns the aspect ratio of hair; 1 for other materials."""
         return 1.0 if index is None else self._materials[self._first + index].aspect_ratio

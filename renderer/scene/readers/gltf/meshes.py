@@ -19,7 +19,7 @@ from renderer.scene.readers.gltf.moving import AnimatedParts
 from renderer.scene.readers.gltf.primitives import Primitive, read_primitive
 from renderer.scene.readers.gltf.transforms import Matrix
 from renderer.scene.readers.gltf.variants import Variants
-from renderer.scene.readers.tubes import elliptic, fibres_of_tubes
+from renderer.scene.readers.tubes import elliptic
 from renderer.scene.textures import TextureShelf
 from renderer.scene.watertight import is_closed
 from renderer.sentences import Sentence
@@ -91,8 +91,6 @@ class Meshes:
             aspect = self._materials.aspect_ratio(material)
             if mesh.diameters is not None and aspect < 1 and len(mesh.positions) % _RING == 0:
                 mesh = elliptic(mesh, _RING, aspect)
-            elif mesh.diameters is not None and self._materials.is_hair(material):
-                mesh = fibres_of_tubes(mesh, _RING)
             found.append(mesh)
         return found
 
