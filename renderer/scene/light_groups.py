@@ -59,7 +59,9 @@ def _by_lamp(description: SceneDescription, shining: set[int]) -> tuple[list[str
     shining: the numbers, from 1 on, of the materials of lights. Lamps of one name are one group. The first MAX_LIGHT_GROUPS - 1
     names get a group, and the environment, if there is one, ENVIRONMENT_GROUP; all is empty if there is no lamp.
     """
-    lamps = [m.name for k, m in enumerate(description.materials, 1) if k in shining] + [light.name for light in description.lights]
+    lamps = [m.name for k, m in enumerate(description.materials, 1) if k in shining] + [
+        light.name for light in description.lights
+    ]
     kept = list(dict.fromkeys(_group_name(name) for name in lamps))[: MAX_LIGHT_GROUPS - 1]
     if not kept:
         return [""] * len(description.materials), [""] * len(description.lights), ""

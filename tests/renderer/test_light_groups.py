@@ -191,7 +191,9 @@ shapes:
 
 def test_lamps_beyond_the_limit_and_odd_names() -> None:
     """The setting takes the names of every scene: at most 16, none of them reserved."""
-    lamps = [Light("point", name=name) for name in ("rest", "environment", "", " a/b ", "x" * 50, *(f"lamp {k}" for k in range(20)))]
+    lamps = [
+        Light("point", name=name) for name in ("rest", "environment", "", " a/b ", "x" * 50, *(f"lamp {k}" for k in range(20)))
+    ]
     scene = compile_scene(replace(_lit_by(*lamps), environment=Environment((1.0, 1.0, 1.0))))
     names = names_of(scene)
     assert {"lamp", "a_b", "x" * 40, "environment"} < set(names)

@@ -92,12 +92,19 @@ export function sideNames(left, right) {
   const all = differing(left.job, right.job);
   const isOfTwoScenes = left.job.scene !== right.job.scene && nameOfScene(left.job) !== nameOfScene(right.job);
   const telling = all.slice(0, isOfTwoScenes ? 1 : NAMED_BY);
-  const isDenoised = [left.channel, right.channel].includes(DENOISED);
   const name = (/** @type {{job: Job, channel: string}} */ { job, channel }) => {
     const parts = telling.map(({ phrase }) => phrase(job) || "–");
     if (left.channel !== right.channel || parts.length === 0)
-      parts.push(isDenoised && channel === "" ? t("Raw") : channelOf(channel).label);
+      parts.push(channelWord(channel, [left.channel, right.channel]));
     return parts.join(", ");
   };
   return [name(left), name(right)];
 }
+
+/**
+ * The name of a side's channel; the colour is "raw" where the other side is denoised.
+ *
+ * @param {string} channel
+ * @param {string[]} both
+ */
+export const channelWord = (channel, both) => (channel === "" && both.includes(DENOISED) ? t("Raw") : channelOf(channel).label);

@@ -1,0 +1,30 @@
+/** Renders a job's picture once more with some settings changed. */
+
+import { createJob } from "../news/api.js";
+import { adoptJob, scenes } from "../news/farm.js";
+import { go } from "../shell/router.js";
+import { showError } from "../shell/tray.js";
+import { startOfJob } from "./form-start.js";
+import { settingsForm } from "./settings-form.js";
+import { t } from "../base/words.js";
+
+/**
+ * Creates a job like another one, and opens its page. The request is the one of the scene page's form for that job.
+ *
+ * @param {import("../base/types.js").Job} job
+ * @param {Record<string, unknown>} changes settings by name
+ */
+export async function renderAgain(job, changes) {
+  const scene = scenes.value?.find(({ id }) => id === job.scene);
+  if (!scene) return;
+  const form = settingsForm(scene, async () => {}, startOfJob({ ...job, settings: { ...job.settings, ...changes } }));
+  try {
+    const next = await createJob(form.request(), crypto.randomUUID?.() ?? String(Math.random()));
+    adoptJob(next);
+    go("jobs", next.id);
+  } catch (error) {
+    showError(t("The job could not be started"), error);
+  } finally {
+    form.dispose();
+  }
+}
