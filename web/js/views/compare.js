@@ -7,7 +7,7 @@ import { fill, h } from "../base/dom.js";
 import { adoptJob, jobs, workers } from "../news/farm.js";
 import { emptyState } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
-import { differences } from "../compare/job-differences.js";
+import { isOtherPicture } from "../compare/job-differences.js";
 import { differencesOf, filmOf, namesOf, pictureOfJob, pictureOfReference, pictureUrl, referenceId } from "../compare/pictures.js";
 import { referencePanel } from "../compare/reference-panel.js";
 import { findReference, loadReferences, references } from "../news/references.js";
@@ -143,7 +143,7 @@ function pictureOf(id, all) {
 }
 
 /**
- * Returns the default partner of a picture: the previous one of its scene with other settings, else the next; else its own denoised
+ * Returns the default partner of a picture: the previous one of its scene that looks different, else the next; else its own denoised
  * picture, else its albedo. Two pictures that were asked for denoised are shown denoised.
  *
  * @param {Job} job
@@ -152,7 +152,7 @@ function pictureOf(id, all) {
  * @returns {Partial<Comparison>}
  */
 function partnerOf(job, all, denoises) {
-  const others = all.filter((each) => each.scene === job.scene && each.id !== job.id && each.width && each.samples > 0 && differences(job, each).length > 0);
+  const others = all.filter((each) => each.scene === job.scene && each.id !== job.id && each.width && each.samples > 0 && isOtherPicture(job, each));
   const other = others.find(({ created }) => created <= job.created) ?? others.at(-1);
   if (!other) return { b: job.id, right: denoises ? DENOISED : "albedo" };
   return { b: other.id, ...(denoises && job.denoise && other.denoise && { left: DENOISED, right: DENOISED }) };

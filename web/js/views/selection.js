@@ -100,6 +100,7 @@ export function selectionBar(selection, jobOf) {
     if (priority.reportValidity() && priority.value !== "")
       void change(ids(), { priority: Number(priority.value) }, t("given the priority {n}", { n: Number(priority.value) }));
   };
+  const all = h("button", { class: "text-button", type: "button", onclick: () => selection.all() }, t("Select all"));
   const compare = h("a", { class: "button small" }, icon("compare"), t("Compare"));
   const deeds = JOB_ACTIONS.map((deed) => ({
     of: deed.change.of ?? [],
@@ -125,7 +126,7 @@ export function selectionBar(selection, jobOf) {
     queue,
     h("button", { class: "button small danger for-submit", type: "button", onclick: removeAll }, icon("trash"), t("Delete")),
     h("span", { class: "grow" }),
-    h("button", { class: "text-button", type: "button", onclick: () => selection.all() }, t("Select all")),
+    all,
     h(
       "button",
       { class: "icon-button", type: "button", "aria-label": t("Select none"), title: t("Select none (Esc)"), onclick: () => selection.clear() },
@@ -137,6 +138,7 @@ export function selectionBar(selection, jobOf) {
     update() {
       element.hidden = selection.chosen.size === 0;
       setText(number, t("{n} selected", { n: grouped(selection.chosen.size) }));
+      all.hidden = selection.chosen.size === selection.ids.length;
       const chosen = ids().map(jobOf);
       const has = (/** @type {string[]} */ states) => chosen.some((job) => !job || states.includes(job.state));
       for (const { of, button } of deeds) button.hidden = !has(of);
