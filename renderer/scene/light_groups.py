@@ -49,15 +49,17 @@ def tabulate_groups(description: SceneDescription, primitive: I32, triangle: I32
     material = np.array([number[name] for name in of_materials], np.int32)
     punctual = np.array([number[name] for name in of_lights], np.int32)
     light = by_light(material, punctual, primitive, triangle, part, sphere_material)
-    text = np.frombuffer("\0".join(names).encode(), np.uint8)
-    return LightGroups(light, material, np.array([number[of_environment]], np.int32), text)
+    text = "\0".join(names).encode()
+    text += b"\0" * (-len(text) % np.dtype(np.float32).itemsize)  # the next array of a stored scene is of float32
+    environment = np.array([number[of_environment]], np.int32)
+    return LightGroups(light, material, environment, np.frombuffer(text, np.uint8))
 
 
 def _by_lamp(description: SceneDescription, shining: set[int]) -> tuple[list[str], list[str], str]:
     """Returns the groups of a scene's materials, its lights without a surface, and its environment, if each lamp is a group.
 
     shining: the numbers, from 1 on, of the materials of lights. Lamps of one name are one group. The first MAX_LIGHT_GROUPS - 1
-    names get a group, and the environment, if there is one, ENVIRONMENT_GROUP; all is empty if there is no lamp.
+    names get a group, and the environment, also one that replaces the file's, ENVIRONMENT_GROUP; all is empty if there is no lamp.
     """
     lamps = [m.name for k, m in enumerate(description.materials, 1) if k in shining] + [
         light.name for light in description.lights
@@ -71,8 +73,7 @@ def _by_lamp(description: SceneDescription, shining: set[int]) -> tuple[list[str
         return found if found in kept else ""
 
     of_materials = [group(m.name) if k in shining else "" for k, m in enumerate(description.materials, 1)]
-    of_environment = "" if description.environment is None else ENVIRONMENT_GROUP
-    return of_materials, [group(light.name) for light in description.lights], of_environment
+    return of_materials, [group(light.name) for light in description.lights], ENVIRONMENT_GROUP
 
 
 def _group_name(name: str) -> str:
@@ -98,7 +99,7 @@ def by_light(material: I32, punctual: I32, primitive: I32, triangle: I32, part: 
 
 def names_of(scene: CompiledScene) -> list[str]:
     """Returns the names of a scene's light groups in alphabetical order; group k is the k-th, from 1 on."""
-    text = scene.group_name.tobytes().decode()
+    text = scene.group_name.tobytes().rstrip(b"\0").decode()
     return text.split("\0") if text else []
 
 
