@@ -4,6 +4,7 @@ slot.py               the state of a busy slot, for the worker's report
 deaths.py             how often a task has killed its process
 render.py             a batch
 slot_card.py          batches for a graphics card
+card_self_test.py     tests a card before its first batch, and each kernel before its first use on the card
 joint_render.py       a batch shared among slots
 viewport.py           parts of views
 view_card.py          the same on a graphics card

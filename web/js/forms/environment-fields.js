@@ -138,7 +138,7 @@ export function environmentFields(first, isLightless) {
     const presets = known.filter((each) => each.kind === "preset").map((each) => ({ ...each, name: t(each.name), help: t(each.help) }));
     const noon = presets.find(({ id }) => id === NOON);
     const clear = { ...SKY, ...(noon && { picture: shownAs(noon).picture }) };
-    const all = [...ALWAYS.map((light) => (light.id === "own" && isLightless ? STAND_IN : light)), ...presets.filter(({ environment }) => !environment.sky).map(shownAs), clear, ...presets.filter(({ environment }) => environment.sky).map(shownAs), ...known.filter((each) => each.kind === "image").map(shownAs)];
+    const all = [...ALWAYS.map((light) => (light.id === "own" && isLightless ? STAND_IN : light)), ...presets.filter(({ environment }) => !environment.sky).map(shownAs), clear, ...presets.filter(({ environment }) => environment.sky).map(shownAs), ...known.filter((each) => each.kind === "image").map((each) => ({ ...shownAs(each), label: each.name.replace(/\.\w+$/, "") }))];
     const place = (/** @type {Light} */ { id }) => (FIRST.indexOf(id) + 1 || FIRST.length + 1);
     return all.sort((a, b) => place(a) - place(b));
   };

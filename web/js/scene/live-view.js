@@ -56,6 +56,8 @@ const [DENOISED_MS, DENOISED_SPP] = [15_000, 64];
 const COVERED_MS = 500;
 /** Part of the view's width that a denoised picture must have to replace the preview mesh; the number of requests whose cameras are remembered. */
 const [FINE_SHARE, MOST_VIEWS] = [0.75, 256];
+/** Samples per pixel after which a denoised view replaces the preview mesh, which is sharper than fewer denoised ones. */
+const SHARP_SPP = 4;
 /** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
 const POOR = 0.6;
 /** Request fields that do not apply to a view. */
@@ -162,6 +164,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     isCovered = false;
     surface.style.backgroundImage = "";
     meshed.hidden = true;
+    mesh.release();
   };
   /** Loads the mesh for the next turn of the camera, if the view began with a picture instead. */
   const loadMesh = () => {
@@ -176,6 +179,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
   /** Cameras of the latest requests, by their ids. @type {Map<number, View>} */
   const views = new Map();
+  /** Camera of the request that is sent next. */
+  let askedView = form.view();
   /** Keeps a denoised picture on the page after a change, projected for the new camera, until the new one is denoised. */
   const hold = () => {
     const view = views.get(Number(surface.dataset.view));
@@ -274,6 +279,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let sampledAt = 0;
 
   const link = new ViewLink(scene.id, {
+    asked(id) {
+      views.set(id, askedView);
+      views.delete(id - MOST_VIEWS);
+    },
     picture(next) {
       film.take(next);
       picture.layers[0].setCoverage(film.film);
@@ -299,7 +308,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       sampledAt = mean < MESH_SPP ? 0 : sampledAt || performance.now(); // another view begins anew
       const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
-      const isReady = (denoised && isFineEnough()) || (done && !isDenoisedSoon) || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
+      // The preview mesh is sharp: what replaces it must be as fine, and not smeared by denoising few samples.
+      const isMeshTrue = mesh.kept === null && !meshed.hidden && !isChanged;
+      const isSharp = !isMeshTrue || done || !isDenoisedSoon || mean >= SHARP_SPP;
+      const isEnough = mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
+      const isReady = (done && !isDenoisedSoon) || (denoised && isFineEnough() && isSharp) || (isEnough && (isFineEnough() || !isMeshTrue));
       if (isReady && (isLatest || !mesh.kept)) release();
       else if (denoised) keepNewer(next.id);
       setDenoised(denoised);
@@ -332,6 +345,9 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
   /** The first request. @type {string | undefined} */
   let firstAsked;
+  /** The first request without its camera, and whether a later one differs in more than that: the preview mesh shows only the first. @type {string | undefined} */
+  let firstShown;
+  let isChanged = false;
   /** The latest request, and its size on the page. @type {{text: string, width: number, height: number} | undefined} */
   let lastAsked;
   /** Width of the view in CSS pixels. */
@@ -350,13 +366,14 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     noticeLight(request);
     const text = JSON.stringify(request);
     if (text !== (firstAsked ??= text) && meshed.hidden) release();
+    const seen = JSON.stringify({ ...request, view: null, camera: null, width: null, height: null });
+    isChanged ||= seen !== (firstShown ??= seen);
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     if (lastAsked && text !== lastAsked.text && Math.abs(width * lastAsked.height - height * lastAsked.width) <= width + height) hold();
     lastAsked = { text, width, height };
     asked = { width, height };
-    views.set(link.id + 1, form.view());
-    views.delete(link.id + 1 - MOST_VIEWS);
+    askedView = form.view();
     link.show({ ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true });
     if (isCovered) mesh.setView(form.view());
     others.changed();
@@ -578,7 +595,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
 /** Whether a picture of one camera can be shown for another. @param {View} from @param {View} to */
 const canKeep = (from, to) =>
-  JSON.stringify(from) === JSON.stringify(to) || [from, to].every(({ projection }) => (projection ?? "perspective") === "perspective");
+  JSON.stringify(from) === JSON.stringify(to) || ((from.projection ?? "perspective") === (to.projection ?? "perspective") && from.projection !== "panorama");
 
 /**
  * Returns what a view shows as a small picture in base64.
