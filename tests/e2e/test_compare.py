@@ -43,11 +43,14 @@ def open_comparison(farm: Farm, page: Page, tmp_path: Path) -> tuple[list[str], 
 @pytest.mark.long
 def test_each_side_of_divider_shows_its_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
-    _, pictures = open_comparison(farm, page, tmp_path)
+    jobs, pictures = open_comparison(farm, page, tmp_path)
     assert_screen(page, expected_split(*pictures, page), "the middle")
     page.get_by_role("slider", name="Wipe").focus()
     page.keyboard.press("Home")
     assert_screen(page, pictures[1], "all of the right one")
+    # The default partner is the previous picture of the scene that looks different.
+    page.goto(f"{farm.url}/#/compare/{jobs[1]}")
+    expect(page).to_have_url(re.compile(f"compare/{jobs[1]}/{jobs[0]}"))
     assert watched.errors == []
 
 

@@ -62,6 +62,11 @@ def test_snapshot_is_shown_and_compared_with_current_picture(farm: Farm, watched
     # Planes exist only for the current picture.
     page.get_by_label("Channel").select_option("albedo")
     expect(slider).to_have_attribute("aria-valuetext", "As it is now")
+    page.get_by_role("button", name="Fewer samples").click()
+    expect(page.get_by_label("Channel")).to_have_value("")
+    page.get_by_role("button", name="Back to now").click()
+    expect(page.get_by_label("Channel")).to_have_value("albedo")
+    expect(slider).to_have_attribute("aria-valuetext", "As it is now")
     page.get_by_label("Channel").select_option("")
 
     page.goto(f"{farm.url}/#/compare/{job}/{job}?ta={spp}&ev=-1&tone=hue")

@@ -63,6 +63,9 @@ def test_bulk_change_of_selected_jobs_can_be_undone(many: Service, watched: Watc
     visible_rows(page).nth(4).locator("a.name").click(modifiers=["Shift"])
     bar = page.get_by_role("toolbar", name="Selected jobs")
     expect(bar).to_contain_text("5 selected")
+    for name, applies in (("Pause", False), ("Resume", True), ("Cancel", True), ("Set priority", True), ("Delete", True)):
+        expect(bar.get_by_role("button", name=name)).to_be_visible(visible=applies)  # of paused jobs
+    expect(bar.get_by_role("link", name="Compare")).to_be_hidden()
 
     bar.get_by_role("button", name="Cancel").click()
     expect(page.get_by_text("5 jobs cancelled", exact=True)).to_be_visible()

@@ -130,3 +130,23 @@ def test_a_mix_of_gains_1_has_the_bits_of_the_colour(farm: Farm, lit: str, tmp_p
         assert (refused.status_code, refused.json()["code"]) == (422, code), mix
     refused = httpx.get(image, params={"mix": "key:1", "aov": "normal"})
     assert (refused.status_code, refused.json()["code"]) == (422, "mix-only-colour")
+
+
+@pytest.mark.long
+def test_picture_without_groups_is_rendered_again_with_a_group_per_lamp(farm: Farm, watched: Watched) -> None:
+    text = SCENE.replace(", light_group: key", "").replace(", light_group: fill", "")
+    scene = httpx.post(f"{farm.url}/api/scenes", files={"files": ("lamps.yaml", text)}).raise_for_status().json()["id"]
+    with farm.client() as client:
+        client.wait_for_scene(scene)
+    job = render_job(farm, scene, **SIZE, spp=4, max_depth=3)
+    page = watched.page
+    page.goto(f"{farm.url}/#/jobs/{job}")
+    page.get_by_role("tab", name="Lights").click()
+    page.get_by_role("button", name="Render again to mix").click()
+    expect(page).not_to_have_url(re.compile(job))
+    for name in ("environment", "light 0", "light 1", "All others"):
+        expect(page.get_by_role("button", name=f"Mute: {name}")).to_be_visible()
+    again = httpx.get(f"{farm.url}/api/jobs/{page.url.rsplit('/', 1)[1].split('?')[0]}").raise_for_status().json()
+    assert again["settings"]["light_groups"] == "environment,light 0,light 1"
+    assert (again["spp"], again["width"], again["settings"]["max_depth"]) == (4, 96, 3)
+    assert watched.errors == []

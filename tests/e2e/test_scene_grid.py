@@ -68,6 +68,7 @@ def test_opened_example_has_its_shipped_picture_or_else_its_thumbnail(page: Page
     expect(images.nth(0)).to_have_attribute("src", "/shipped.svg")
     expect(images.nth(0)).to_have_class("loaded")
     for i in (1, 2):
+        images.nth(i).scroll_into_view_if_needed()  # else it is not loaded
         expect(images.nth(i)).to_have_attribute("src", re.compile(f"scenes/s{i + 1}/thumbnail"))
 
 

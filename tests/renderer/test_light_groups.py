@@ -41,6 +41,13 @@ def _settings(name: str, groups: str = ",".join(GROUPS)) -> RenderSettings:
     return replace(made(name)[1], light_groups=groups)
 
 
+def _lit_by(*lights: Light) -> SceneDescription:
+    """Returns a room with these lights, in which nothing else shines."""
+    found = room(Material())
+    found.materials[2].emission = (0.0, 0.0, 0.0)
+    return replace(found, lights=[*lights], environment=None)
+
+
 def _total(sums: Sums) -> Sums:
     return sums[film.CHANNELS :].reshape(-1, 3, *sums.shape[1:]).sum(axis=0)
 
@@ -160,6 +167,39 @@ shapes:
         (tmp_path / "s.yaml").write_text(text.replace("practical", f'"{wrong}"'))
         with pytest.raises(SceneError):
             read(tmp_path, "s.yaml")
+
+
+def test_each_lamp_is_a_group_in_a_scene_that_names_none(tmp_path) -> None:
+    text = """
+environment: {color: 0.2}
+lights: [{type: point, position: [0, 2, 0]}, {type: point, position: [0, 3, 0]}]
+materials: {"lamp.1": {color: 0, emission: 3}, unused: {color: 0, emission: 3}, wall: {color: 0.5}}
+shapes:
+  - {type: sphere, center: [0, 0, 0], radius: 1, material: lamp.1}
+  - {type: quad, material: wall}
+"""
+    (tmp_path / "s.yaml").write_text(text)
+    scene = compile_scene(read(tmp_path, "s.yaml"))
+    names = names_of(scene)
+    assert names == ["environment", "lamp_1", "light 0", "light 1"]
+    assert scene.environment_group.tolist() == [1]
+    assert sorted(scene.light_group.tolist()) == [2, 3, 4]
+    assert replace(SETTINGS, light_groups=",".join(names)).group_names == (*names, "rest")
+    (tmp_path / "s.yaml").write_text(text.replace("[0, 3, 0]}", "[0, 3, 0], light_group: key}"))
+    assert names_of(compile_scene(read(tmp_path, "s.yaml"))) == ["key"]
+
+
+def test_lamps_beyond_the_limit_and_odd_names() -> None:
+    """The setting takes the names of every scene: at most 16, none of them reserved."""
+    lamps = [
+        Light("point", name=name) for name in ("rest", "environment", "", " a/b ", "x" * 50, *(f"lamp {k}" for k in range(20)))
+    ]
+    scene = compile_scene(replace(_lit_by(*lamps), environment=Environment((1.0, 1.0, 1.0))))
+    names = names_of(scene)
+    assert {"lamp", "a_b", "x" * 40, "environment"} < set(names)
+    assert len(names) == 16
+    assert replace(SETTINGS, light_groups=",".join(names)).group_names == (*names, "rest")
+    assert names_of(compile_scene(replace(_lit_by(), environment=Environment((1.0, 1.0, 1.0))))) == []
 
 
 def test_light_groups_setting_is_parsed() -> None:

@@ -1,6 +1,7 @@
 /** The controls of a comparison: the selection of each side, its progress, and the differences. */
 
 import { DENOISED_CHANNEL, channels as planes } from "../film/channels.js";
+import { ago } from "../base/format.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
 import { addressOf, momentName, referenceId } from "./pictures.js";
 import { jobs } from "../news/farm.js";
@@ -87,9 +88,9 @@ function pictureOption(/** @type {Job} */ { id }) {
   return {
     element,
     update(job) {
-      const { name, settings, width, height } = job;
+      const { name, settings, width, height, created } = job;
       const integrator = settings && valueText(settingOf("settings", "integrator"), settings.integrator);
-      const facts = [name, reached(job), `${width}×${height}`, integrator]; // last, since a narrow page cuts off the end
+      const facts = [name, reached(job), `${width}×${height}`, integrator, ago(created)]; // last, since a narrow page cuts off the end
       setText(element, facts.filter(Boolean).join(" · "));
     },
   };

@@ -13,6 +13,9 @@ import { t } from "../base/words.js";
 /** Maximum number of differences in a side's name; the table has all. Two scenes have their names alone. */
 const NAMED_BY = 2;
 
+/** Settings that add planes to a film and leave its picture as it is. */
+const BESIDE = ["light_groups", "light_paths", "cryptomatte", "deep"];
+
 /** Sections of settings, most significant first. */
 const SECTIONS_BY_SIGNIFICANCE = ["basic", "lab", "advanced"];
 
@@ -23,6 +26,7 @@ const SECTIONS_BY_SIGNIFICANCE = ["basic", "lab", "advanced"];
  * @property {string} label
  * @property {(job: Job) => string} value
  * @property {(job: Job) => string} phrase
+ * @property {boolean} [isBeside] whether it only adds planes beside the picture
  */
 
 /** @returns {Row[]} the most telling first */
@@ -34,7 +38,7 @@ function rows() {
       const values = part(job);
       return values ? tell(setting, setting.name in values ? values[setting.name] : setting.default) : "";
     };
-    return { label: labelOf(setting), value: (job) => told(job, valueText), phrase: (job) => told(job, phraseOf) };
+    return { label: labelOf(setting), isBeside: BESIDE.includes(setting.name), value: (job) => told(job, valueText), phrase: (job) => told(job, phraseOf) };
   };
   /** @param {string} label @param {(job: Job) => string} value @returns {Row} */
   const plain = (label, value) => ({ label, value, phrase: value });
@@ -81,6 +85,9 @@ const differing = (a, b) => rows().filter(({ value }) => value(a) !== value(b));
 export const differences = (a, b) =>
   differing(a, b).map(({ label, value }) => ({ label, a: value(a) || "–", b: value(b) || "–" }));
 
+/** Whether two jobs differ in anything that their pictures show. @param {Job} a @param {Job} b */
+export const isOtherPicture = (a, b) => differing(a, b).some(({ isBeside }) => !isBeside);
+
 /**
  * Names of the two sides, from their differences.
  *
@@ -91,13 +98,20 @@ export const differences = (a, b) =>
 export function sideNames(left, right) {
   const all = differing(left.job, right.job);
   const isOfTwoScenes = left.job.scene !== right.job.scene && nameOfScene(left.job) !== nameOfScene(right.job);
-  const telling = all.slice(0, isOfTwoScenes ? 1 : NAMED_BY);
-  const isDenoised = [left.channel, right.channel].includes(DENOISED);
+  const telling = all.filter(({ isBeside }) => !isBeside).slice(0, isOfTwoScenes ? 1 : NAMED_BY);
   const name = (/** @type {{job: Job, channel: string}} */ { job, channel }) => {
     const parts = telling.map(({ phrase }) => phrase(job) || "–");
     if (left.channel !== right.channel || parts.length === 0)
-      parts.push(isDenoised && channel === "" ? t("Raw") : channelOf(channel).label);
+      parts.push(channelWord(channel, [left.channel, right.channel]));
     return parts.join(", ");
   };
   return [name(left), name(right)];
 }
+
+/**
+ * The name of a side's channel; the colour is "raw" where the other side is denoised.
+ *
+ * @param {string} channel
+ * @param {string[]} both
+ */
+export const channelWord = (channel, both) => (channel === "" && both.includes(DENOISED) ? t("Raw") : channelOf(channel).label);

@@ -10,7 +10,7 @@ import { DENOISED } from "../film/channels.js";
 import { LiveFilm } from "../film/live-film.js";
 import { StillFilm } from "../film/still-film.js";
 import { frameOf } from "../shot/compare-frames.js";
-import { differences, sideNames } from "./job-differences.js";
+import { channelWord, differences, sideNames } from "./job-differences.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/types.js").Reference} Reference */
@@ -125,6 +125,7 @@ export function differencesOf(a, b) {
       row(t("Size"), ({ picture: { width, height } }) => `${width}×${height}`),
     );
   }
+  if (a.channel !== b.channel) rows.push(row(t("Channel"), ({ picture, channel }) => (picture.job ? channelWord(channel, [a.channel, b.channel]) : "–")));
   if (a.at !== b.at) rows.push(row(t("Moment"), (side) => (side.picture.job ? momentName(side.at) : "–")));
   return rows;
 }

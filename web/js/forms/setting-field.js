@@ -10,7 +10,7 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Setting} Setting */
 
 /** Maximum number of light groups of a job (MAX_LIGHT_GROUPS in renderer/settings.py). */
-const MOST_GROUPS = 16;
+export const MOST_GROUPS = 16;
 
 /**
  * @typedef {object} SettingField

@@ -132,7 +132,8 @@ export function clampExposure(exposure) {
  * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, updateHeat: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void, update: (job: import("../base/types.js").Job) => void, showHands: (outlines: import("../film/pixel-overlay.js").Outline[]) => void}}
  */
 export function displayPanel(display, settings, { normalise, denoise: renew }) {
-  const look = lookFields(display, normalise);
+  const exposure = exposureField(display, normalise);
+  const curve = curveField(display);
   const denoise = denoiseFields(display, renew);
   const channel = h(
     "select",
@@ -149,7 +150,7 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
   const high = h("input", { type: "checkbox", checked: display.value.high, onchange: () => (keepHigh(high.checked), display.update((d) => ({ ...d, high: high.checked }))) });
   const highLabel = h("label", { class: "check", title: t("Highlights brighter than white, on displays of high dynamic range"), hidden: !mayHaveHighRange() }, high, "HDR");
   const denoiseBox = h("div", null, denoise.element);
-  const colourOnly = h("div", { class: "stack" }, partFields(display), look, highLabel, denoiseBox);
+  const colourOnly = h("div", { class: "stack" }, partFields(display), exposure, highLabel, denoiseBox);
   const heat = h("div", { hidden: true });
   display.subscribe((d) => {
     channel.value = d.channel;
@@ -157,7 +158,7 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
     setText(hint, told);
     hint.hidden = told === "";
     outlines.checked = d.outlines;
-    colourOnly.hidden = d.channel !== "" && lightGroupOf(d.channel) === null;
+    colourOnly.hidden = curve.hidden = d.channel !== "" && lightGroupOf(d.channel) === null;
     denoiseBox.hidden = d.channel !== "" || isMixed(d.mix);
   });
   const legend = h("ul", { class: "workers-legend", "aria-label": t("Workers on this picture"), hidden: true });
@@ -182,7 +183,7 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
   const element = h(
     "section",
     { class: "side-section stack", "aria-label": t("Display") },
-    channelField,
+    h("div", { class: "look-choices" }, channelField, curve),
     heat,
     colourOnly,
     outline,
@@ -219,7 +220,30 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
  * @param {() => void} normalise
  * @returns {HTMLElement}
  */
-export function lookFields(display, normalise) {
+export const lookFields = (display, normalise) => h("div", { class: "stack" }, exposureField(display, normalise), curveField(display));
+
+/**
+ * @template {{curve: string}} T
+ * @param {Store<T>} display
+ * @returns {HTMLElement}
+ */
+function curveField(display) {
+  const curve = h(
+    "select",
+    { onchange: () => display.update((d) => ({ ...d, curve: curve.value })) },
+    curveOptions(display.value.curve),
+  );
+  display.subscribe((d) => (curve.value = d.curve));
+  return field(t("Tone curve"), curve);
+}
+
+/**
+ * @template {{exposure: number}} T
+ * @param {Store<T>} display
+ * @param {() => void} normalise
+ * @returns {HTMLElement}
+ */
+function exposureField(display, normalise) {
   const value = h("output", { class: "mono" });
   const slider = h("input", {
     type: "range",
@@ -228,11 +252,6 @@ export function lookFields(display, normalise) {
     oninput: () => display.update((d) => ({ ...d, exposure: clampExposure(slider.valueAsNumber) })),
     ondblclick: () => display.update((d) => ({ ...d, exposure: 0 })),
   });
-  const curve = h(
-    "select",
-    { onchange: () => display.update((d) => ({ ...d, curve: curve.value })) },
-    curveOptions(display.value.curve),
-  );
   const exposure = field(t("Exposure"), slider);
   const reset = h(
     "button",
@@ -265,7 +284,6 @@ export function lookFields(display, normalise) {
     slider.valueAsNumber = d.exposure;
     slider.setAttribute("aria-valuetext", `${d.exposure.toFixed(1)} stops`);
     reset.style.visibility = d.exposure === 0 ? "hidden" : ""; // keeps its space, so that the slider does not move while dragged
-    curve.value = d.curve;
   });
-  return h("div", { class: "stack" }, exposure, field(t("Tone curve"), curve));
+  return exposure;
 }

@@ -12,12 +12,14 @@ import { t } from "../base/words.js";
 const RENEW_MS = 3000;
 const WIDTH = 240;
 const HEIGHT = 120;
+/** The forecast is drawn up to so many times the elapsed time. */
+const FORECAST = 10;
 /** Relative noise of a picture that counts as clean. */
 const CLEAN = 0.01;
 
 /** @type {Record<string, (words: string) => string>} */
 const WORDS = {
-  begun: (kind) => t("Rendering begun by workers of {kind}", { kind }),
+  begun: (kind) => t("Begun with version {version}", { version: kind.split("-")[0] ?? kind }),
   taken: (job) => t("Begun with what job {job} has rendered", { job }),
   picture: () => t("First picture: every tile has a sample"),
   worker: (name) => t("{name} renders it", { name }),
@@ -34,6 +36,15 @@ const WORDS = {
 
 /** @param {number} noise */
 const percent = (noise) => `${Number((noise * 100).toPrecision(2))} %`;
+
+/**
+ * Leaves out that a resumed job goes on with the version it was begun with.
+ *
+ * @param {History["events"][number]} event
+ * @param {number} i
+ * @param {History["events"]} all
+ */
+const isNews = ({ kind, words }, i, all) => kind !== "begun" || all.findIndex((other) => other.kind === kind && other.words === words) === i;
 
 /** @param {() => Job} job @param {import("../base/store.js").Disposer} life */
 export function historyPanel(job, life) {
@@ -72,7 +83,7 @@ export function historyPanel(job, life) {
     const { created, finished, state } = job();
     const all = [
       { at: created, text: t("Asked for") },
-      ...history.events.map(({ at, kind, words }) => ({ at, text: (WORDS[kind] ?? (() => kind))(words) })),
+      ...history.events.filter(isNews).map(({ at, kind, words }) => ({ at, text: (WORDS[kind] ?? (() => kind))(words) })),
       ...(finished ? [{ at: finished, text: state === "finished" ? t("Finished") : state === "failed" ? t("Failed") : t("Cancelled") }] : []),
     ];
     fill(events, ...all.map(({ at, text }) => h("li", null, h("span", { class: "quiet" }, clock(Math.max(at - created, 0))), h("span", null, text))));
@@ -92,7 +103,7 @@ export function historyPanel(job, life) {
 function plot(points, left) {
   const first = /** @type {{seconds: number, noise: number}} */ (points[0]);
   const last = /** @type {{seconds: number, noise: number}} */ (points.at(-1));
-  const end = Math.max(last.seconds + Math.max(left, 0), first.seconds * 2);
+  const end = Math.max(Math.min(last.seconds + Math.max(left, 0), FORECAST * last.seconds), first.seconds * 2);
   const noises = points.map(({ noise }) => noise);
   const [most, least] = [Math.max(...noises), Math.min(...noises, CLEAN)];
   const x = (/** @type {number} */ s) => (Math.log(s / first.seconds) / Math.log(end / first.seconds)) * WIDTH;
@@ -101,7 +112,8 @@ function plot(points, left) {
   const label = t("Noise against time: {from} after {start}, {to} after {end}", { from: percent(first.noise), start: clock(first.seconds), to: percent(last.noise), end: clock(last.seconds) });
   const svg = shape("svg", { viewBox: `-2 -4 ${WIDTH + 4} ${HEIGHT + 8}`, role: "img", "aria-label": label });
   svg.append(shape("path", { d: `M0 ${y(CLEAN).toFixed(1)}H${WIDTH}`, class: "goal" }));
-  if (left > 0) svg.append(shape("path", { d: `M${x(last.seconds).toFixed(1)} ${y(last.noise).toFixed(1)}L${x(end).toFixed(1)} ${y(CLEAN).toFixed(1)}`, class: "forecast" }));
+  const reached = last.noise * Math.sqrt(last.seconds / end); // CLEAN, unless the forecast is cut
+  if (left > 0) svg.append(shape("path", { d: `M${x(last.seconds).toFixed(1)} ${y(last.noise).toFixed(1)}L${x(end).toFixed(1)} ${y(reached).toFixed(1)}`, class: "forecast" }));
   svg.append(shape("path", { d: line, class: "line" }));
   const ends = [clock(first.seconds), percent(most), clock(end)];
   return h("figure", null, h("span", { class: "quiet small" }, t("{most} to {least}, logarithmic", { most: percent(most), least: percent(least) })), svg, h("div", { class: "ticks quiet small", "aria-hidden": "true" }, h("span", null, ends[0]), h("span", null, ends[2])));

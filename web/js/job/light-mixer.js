@@ -3,10 +3,12 @@
 import { lightGroups, lightName } from "../film/channels.js";
 import { MOST_STOPS, clampStops, isPlain, plainStrip } from "../film/light-mix.js";
 import { h, setText } from "../base/dom.js";
+import { MOST_GROUPS } from "../forms/setting-field.js";
 import { icon } from "../base/icons.js";
 import { isLightless } from "../base/light-words.js";
 import { stops } from "../base/format.js";
 import { scenes } from "../news/farm.js";
+import { isRead, settingOf } from "../news/settings-table.js";
 import { linkTo } from "../shell/router.js";
 import { t } from "../base/words.js";
 
@@ -17,11 +19,12 @@ import { t } from "../base/words.js";
  * @param {DisplayStore} display
  * @param {import("../base/types.js").Job} job
  * @param {import("../base/store.js").Disposer} life
+ * @param {(groups: string[]) => Promise<void>} renderWith renders the picture again with these light groups
  * @returns {HTMLElement}
  */
-export function lightMixer(display, job, life) {
+export function lightMixer(display, job, life, renderWith) {
   const groups = lightGroups(job.settings);
-  if (!groups.length) return withoutGroups(job, life);
+  if (!groups.length) return withoutGroups(job, life, renderWith);
   /** Changes a strip, and shows the colour where another channel was shown. @param {string} name @param {Partial<Strip>} changes */
   const change = (name, changes) =>
     display.update((d) => ({ ...d, channel: "", mix: d.mix.map((strip) => (strip.name === name ? { ...strip, ...changes } : strip)) }));
@@ -107,25 +110,45 @@ const toggle = (does, letter, group, run) =>
     letter,
   );
 
-/** How to get light groups. @param {import("../base/types.js").Job} job @param {import("../base/store.js").Disposer} life */
-function withoutGroups(job, life) {
+/**
+ * How to get light groups, with a button that renders the picture again with them.
+ *
+ * @param {import("../base/types.js").Job} job
+ * @param {import("../base/store.js").Disposer} life
+ * @param {(groups: string[]) => Promise<void>} renderWith
+ */
+function withoutGroups(job, life, renderWith) {
   const told = h("p", { class: "quiet small" });
   const again = h("a", { class: "button", href: `${linkTo("scenes", job.scene)}?like=${job.id}` }, icon("refresh"), t("Render with other settings"));
+  const guide = h("a", { class: "small", href: "docs/guides/compositing#light-groups" }, t("Light groups"));
+  const start = async () => {
+    render.disabled = true;
+    await renderWith(groups);
+    render.disabled = false;
+  };
+  const render = h("button", { class: "button primary for-submit", type: "button", onclick: () => void start() }, icon("refresh"), t("Render again to mix"));
+  /** @type {string[]} */
+  let groups = [];
   life.add(
     scenes.subscribe((all) => {
       const scene = all?.find(({ id }) => id === job.scene);
-      const has = Boolean(scene?.light_groups?.length);
+      groups = (scene?.light_groups ?? []).slice(0, MOST_GROUPS);
+      const canSplit = isRead(settingOf("settings", "light_groups"), job.settings?.["integrator"] ?? "path");
       const lacksLight = scene !== undefined && isLightless(scene);
-      again.hidden = !has && !lacksLight;
+      render.hidden = !groups.length || !canSplit;
+      again.hidden = groups.length ? canSplit : !lacksLight;
+      guide.hidden = groups.length > 0 || lacksLight;
       setText(
         told,
-        has
-          ? t("This picture has no light groups. Switch on Light groups, under Advanced, to mix its lights after rendering.")
-          : lacksLight
-            ? t("The file has no lights to mix. Render with other settings to give it another light.")
-            : t("None of the scene's lights has a light group. Set light_group in the scene file and render with light groups to mix them here."),
+        groups.length && !canSplit
+          ? t("Lights can be mixed in pictures of path tracing and of direct light only.")
+          : groups.length
+            ? t("Rendered again, this picture gets a slider for each light: {groups}.", { groups: groups.join(", ") })
+            : lacksLight
+              ? t("The file has no lights to mix. Render with other settings to give it another light.")
+              : t("No lamps to mix were found in this scene. Its file can name light groups."),
       );
     }),
   );
-  return h("section", { class: "side-section stack", "aria-label": t("Lights") }, h("h2", null, t("Lights")), told, again);
+  return h("section", { class: "side-section stack", "aria-label": t("Lights") }, h("h2", null, t("Lights")), told, render, again, guide);
 }

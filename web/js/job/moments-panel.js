@@ -4,6 +4,7 @@ import { fetchPacket, getSnapshots, snapshotUrl } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { clock, count } from "../base/format.js";
 import { Film } from "../film/film.js";
+import { icon } from "../base/icons.js";
 import { here, linkTo, setParams } from "../shell/router.js";
 import { announce } from "../shell/tray.js";
 import { t } from "../base/words.js";
@@ -25,15 +26,18 @@ export function momentsPanel(job, picture, display, life) {
   const slider = h("input", { type: "range", min: "0", step: "1", "aria-label": t("Moment") });
   const ticks = h("div", { class: "moment-ticks quiet small number", "aria-hidden": "true" });
   const said = h("p", { class: "quiet small number", role: "status" });
+  const fewer = h("button", { class: "icon-button", type: "button", "aria-label": t("Fewer samples"), title: t("Fewer samples (,)"), onclick: () => step(-1) }, icon("back"));
+  const more = h("button", { class: "icon-button", type: "button", "aria-label": t("More samples"), title: t("More samples (.)"), onclick: () => step(1) }, icon("next"));
+  const now = h("button", { class: "text-button small", type: "button", onclick: () => goTo(null) }, t("Back to now"));
   const compare = h("a", null, t("Compare with now"));
   const exr = h("a", { download: "" }, "EXR");
-  const links = h("p", { class: "row small", hidden: true }, compare, exr);
+  const links = h("p", { class: "row wraps small", hidden: true }, now, compare, exr);
   const tag = h("div", { class: "channel-tag alone", hidden: true });
   picture.element.append(tag);
   const element = h(
     "section",
     { class: "side-section stack tight moments", "aria-label": t("Sample history"), hidden: true },
-    h("h2", null, t("Sample history")),
+    h("div", { class: "row" }, h("h2", null, t("Sample history")), h("span", { class: "grow" }), fewer, more),
     slider,
     ticks,
     said,
@@ -43,6 +47,8 @@ export function momentsPanel(job, picture, display, life) {
   let known = [];
   /** Samples per pixel; null: the current picture. @type {number | null} */
   let at = Number(here().params.get("then")) || null;
+  /** What was shown before the first step into the past. @type {Pick<import("./display-panel.js").Display, "channel" | "denoise"> | null} */
+  let before = null;
   /** Loaded snapshots. @type {Map<number, Promise<Film>>} */
   const films = new Map();
   const abort = new AbortController();
@@ -66,7 +72,9 @@ export function momentsPanel(job, picture, display, life) {
     slider.valueAsNumber = snapshot ? known.indexOf(snapshot) : known.length;
     const name = snapshot ? wordsOf(snapshot) : t("As it is now");
     slider.setAttribute("aria-valuetext", name);
-    setText(said, name);
+    fewer.disabled = slider.valueAsNumber === 0;
+    more.disabled = !snapshot;
+    setText(said, snapshot && before?.denoise !== "off" ? `${name}. ${t("Raw: only the picture of now can be denoised.")}` : name);
     links.hidden = !snapshot;
     tag.hidden = !snapshot;
     setText(tag, snapshot ? t("{n} spp", { n: count(snapshot.spp) }) : "");
@@ -85,10 +93,13 @@ export function momentsPanel(job, picture, display, life) {
   };
   /** @param {number | null} spp samples per pixel of a snapshot; null: the current picture */
   const goTo = (spp) => {
+    const { channel, denoise } = display.value;
+    if (at === null && spp !== null) before = { channel, denoise };
     at = spp;
     setParams({ then: at === null ? null : String(at) });
-    // Snapshots contain only colour.
-    if (at !== null) display.update((look) => ({ ...look, channel: "", denoise: "off" }));
+    const shown = at === null ? before : { channel: "", denoise: /** @type {const} */ ("off") }; // snapshots contain only colour
+    if (shown) display.update((look) => ({ ...look, ...shown }));
+    if (at === null) before = null;
     void show();
   };
   slider.addEventListener("input", () => goTo(known[slider.valueAsNumber]?.spp ?? null));
@@ -101,7 +112,7 @@ export function momentsPanel(job, picture, display, life) {
   life.add(
     display.subscribe(({ channel, denoise }) => {
       if (at === null || (channel === "" && denoise === "off")) return;
-      at = null;
+      at = before = null;
       setParams({ then: null });
       void show();
     }),

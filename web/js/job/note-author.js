@@ -26,27 +26,35 @@ function store(name) {
 }
 
 /**
- * @returns {{element: HTMLElement, show: () => void, author: () => {author?: string} | null, given: () => {author?: string}}} show: shows the
- *   name's field, which is hidden at first. author: a request's field; null: the name is missing, and its field now has the focus. given: the
+ * @returns {{element: HTMLElement, show: () => void, focus: () => boolean, author: () => {author?: string} | null, given: () => {author?: string}}}
+ *   show: shows the name's field, which is hidden at first. focus: moves the focus to the field if the name is missing, and returns
+ *   whether it is. author: a request's field; null: the name is missing, and its field now has the focus. given: the
  *   field if there is a name
  */
 export function noteAuthor() {
   const input = h("input", { type: "text", id: "note-author", maxLength: LONGEST, autocomplete: "name", value: stored() });
-  const element = h("div", { class: "stack tight" }, h("label", { for: "note-author", class: "small" }, t("Your name")), input);
+  const problem = h("p", { class: "problem", role: "alert", id: "note-author-problem", hidden: true }, t("Notes are signed: enter your name."));
+  input.setAttribute("aria-describedby", problem.id);
+  input.addEventListener("input", () => (problem.hidden = true));
+  const element = h("div", { class: "field" }, h("label", { for: "note-author" }, t("Your name")), input, problem);
   element.hidden = true;
   return {
     element,
     show() {
       element.hidden = session.value.kind !== "open";
     },
+    focus() {
+      const isMissing = !element.hidden && !input.value.trim();
+      if (isMissing) input.focus();
+      return isMissing;
+    },
     author() {
       if (session.value.kind !== "open") return {};
       const name = input.value.trim();
       if (!name) {
         element.hidden = false;
+        problem.hidden = false;
         input.focus();
-        input.required = true;
-        input.reportValidity(); // says in the browser's words why nothing was saved
         return null;
       }
       store(name);

@@ -40,7 +40,7 @@ export function notesPanel(job, picture, life, { open, begin, goTo }) {
   const name = noteAuthor();
   const verdict = verdictPanel((state) => void judge(state));
   const add = h("button", { class: "button small for-submit", type: "button", title: t("Add a note (Shift+N)"), onclick: () => write(null) }, icon("plus"), t("Add note"));
-  const area = h("textarea", { rows: 3, maxLength: LONGEST_NOTE, "aria-label": t("New note") });
+  const area = h("textarea", { rows: 3, maxLength: LONGEST_NOTE, "aria-label": t("New note"), placeholder: t("What should change?") });
   const hint = h("p", { class: "quiet small" });
   const save = h("button", { class: "button small primary", type: "submit" }, t("Save note"));
   const pinIt = h("button", { class: "button small", type: "button", onclick: () => (setSpot(spot ?? { x: 0.5, y: 0.5 }), pins?.focusDraft()) }, icon("pin"), t("Pin"));
@@ -173,7 +173,7 @@ export function notesPanel(job, picture, life, { open, begin, goTo }) {
     view?.element.classList.add("measuring");
     setSpot(at);
     show();
-    area.focus();
+    if (!name.focus()) area.focus();
   };
   const close = () => {
     form.hidden = true;

@@ -4,17 +4,18 @@ import { getJob } from "../news/api.js";
 import { differenceTable, progressOf, sideChoice } from "../compare/compare-panel.js";
 import { clampExposure, lookFields, lookFromUrl, lookParams, wipeFrom } from "../job/display-panel.js";
 import { fill, h } from "../base/dom.js";
-import { DENOISED } from "../film/channels.js";
-import { canDenoise } from "../job/denoise-fields.js";
 import { adoptJob, jobs, workers } from "../news/farm.js";
 import { emptyState } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
+import { isOtherPicture } from "../compare/job-differences.js";
 import { differencesOf, filmOf, namesOf, pictureOfJob, pictureOfReference, pictureUrl, referenceId } from "../compare/pictures.js";
 import { referencePanel } from "../compare/reference-panel.js";
 import { findReference, loadReferences, references } from "../news/references.js";
 import { snapshotsOf } from "../compare/snapshots.js";
 import { compareWays, mapOf, wayFrom } from "../compare/ways.js";
+import { DENOISED } from "../film/channels.js";
 import { StillFilm } from "../film/still-film.js";
+import { canDenoise } from "../job/denoise-fields.js";
 import { pictureTools } from "../job/picture-tools.js";
 import { pictureStage } from "../film/picture-stage.js";
 import { stageKeys } from "../job/render-keys.js";
@@ -86,8 +87,9 @@ export function compareView(a, b) {
     const all = jobs.value;
     if (!all) return;
     if (!state.value.b) {
+      if (!workers.value) return; // the default partner depends on what they can do
       const first = all.find(({ id }) => id === state.value.a);
-      if (first) state.update((now) => ({ ...now, ...partnerOf(first, all) }));
+      if (first) state.update((now) => ({ ...now, ...partnerOf(first, all, canDenoise(workers.value)) }));
     }
     const ids = [state.value.a, state.value.b].filter(Boolean);
     for (const id of ids) {
@@ -121,6 +123,7 @@ export function compareView(a, b) {
   };
   life.add(jobs.subscribe(show));
   life.add(references.subscribe(show));
+  life.add(workers.subscribe(() => state.value.b || show()));
   if (!references.value) loadReferences().catch((error) => instead(t("The reference pictures could not be loaded"), error.message));
   life.add(
     state.subscribe(({ a, b }) => {
@@ -140,15 +143,19 @@ function pictureOf(id, all) {
 }
 
 /**
- * Returns the default partner of a picture: the latest other one of its scene, else itself, denoised where a worker can do that, or its albedo.
+ * Returns the default partner of a picture: the previous one of its scene that looks different, else the next; else its own denoised
+ * picture, else its albedo. Two pictures that were asked for denoised are shown denoised.
  *
  * @param {Job} job
  * @param {Job[]} all newest first
+ * @param {boolean} denoises whether a connected worker can denoise
  * @returns {Partial<Comparison>}
  */
-function partnerOf(job, all) {
-  const other = all.find(({ id, scene, samples }) => scene === job.scene && id !== job.id && samples > 0);
-  return other ? { b: other.id } : { b: job.id, right: canDenoise(workers.value) ? DENOISED : "albedo" };
+function partnerOf(job, all, denoises) {
+  const others = all.filter((each) => each.scene === job.scene && each.id !== job.id && each.width && each.samples > 0 && isOtherPicture(job, each));
+  const other = others.find(({ created }) => created <= job.created) ?? others.at(-1);
+  if (!other) return { b: job.id, right: denoises ? DENOISED : "albedo" };
+  return { b: other.id, ...(denoises && job.denoise && other.denoise && { left: DENOISED, right: DENOISED }) };
 }
 
 /** @param {string | null} text as an address has it */

@@ -9,7 +9,7 @@ import { choose } from "../shell/drops.js";
 import { FIRST_STEPS } from "../shell/help-dialog.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
-import { linkTo, setTitle } from "../shell/router.js";
+import { here, linkTo, setTitle } from "../shell/router.js";
 import { chosenProject } from "../base/project.js";
 import { mayChange } from "../news/projects.js";
 import { parseFrames } from "../base/frame-numbers.js";
@@ -23,6 +23,8 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Example} Example */
 
 const RECENT_JOBS = 4;
+/** Delay of changes of the scenes, in milliseconds: the page of an uploaded scene opens before the cards here move. */
+const NEWS_MS = 300;
 /** The most impressive examples come first; the others are sorted by name. */
 const FIRST_EXAMPLES = ["still-life", "caterpillar", "christmas", "spheres", "cornell-box"];
 
@@ -59,7 +61,9 @@ export function homeView() {
     },
   );
 
+  const path = here().path.join();
   const refresh = () => {
+    if (here().path.join() !== path) return; // another view is being opened, and the cards would move before it is here
     const seenScenes = (scenes.value ?? []).filter(({ id }) => !hidden.value.has(id));
     const seenJobs = (jobs.value ?? [])
       .filter((job) => !hidden.value.has(job.id))
@@ -71,7 +75,19 @@ export function homeView() {
     sceneSection.hidden = seenScenes.length === 0;
     jobSection.hidden = seenJobs.length === 0;
   };
-  for (const store of [scenes, jobs, hidden])
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let news;
+  life.add(() => clearTimeout(news));
+  let isListed = false;
+  life.add(
+    scenes.subscribe((all) => {
+      clearTimeout(news);
+      if (isListed) news = setTimeout(refresh, NEWS_MS);
+      else refresh();
+      isListed = all !== null;
+    }),
+  );
+  for (const store of [jobs, hidden])
     life.add(/** @type {import("../base/store.js").Store<any>} */ (store).subscribe(refresh));
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
   if (mayChange(chosenProject())) life.add(addShortcuts([{ keys: "U", does: t("Choose files"), run: () => choose({ folder: false }) }]));

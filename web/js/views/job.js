@@ -36,6 +36,7 @@ import { may, session } from "../news/session.js";
 import { sharePanel } from "../job/share-panel.js";
 import { isRead, known, labelOf, valueText } from "../news/settings-table.js";
 import { parseFrames } from "../base/frame-numbers.js";
+import { renderAgain } from "../scene/render-again.js";
 import { shotDesk } from "../shot/shot-desk.js";
 import { isShot, shotName } from "../base/shot-words.js";
 import { addShortcuts } from "../shell/shortcuts.js";
@@ -149,7 +150,7 @@ function open(page, job, life) {
   let isDenoisedFirst = false;
   /** Shows a job that asks for it denoised at first, also while it renders. The link may ask for another picture. */
   const denoiseFirst = () => {
-    if (isDenoisedFirst || !latest.denoise || !canDenoise(workers.value)) return;
+    if (isDenoisedFirst || here().params.has("then") || !latest.denoise || !canDenoise(workers.value)) return;
     isDenoisedFirst = true;
     save.preferDenoised();
     if (!here().params.has("denoise") && display.value.channel === "") display.update((shown) => ({ ...shown, denoise: "on" }));
@@ -167,7 +168,7 @@ function open(page, job, life) {
 
   const tabs = sideTabs(t("Picture"), [
     { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element] },
-    { name: "lights", label: t("Lights"), content: [lightMixer(display, job, life)] },
+    { name: "lights", label: t("Lights"), content: [lightMixer(display, job, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture.live))] },
     { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
     { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id)] },
     { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },

@@ -63,7 +63,7 @@ export function jobsView() {
   const list = new JobList(() => refresh());
   life.add(() => list.dispose());
   const selection = new Selection(() => refresh());
-  const bar = selectionBar(selection);
+  const bar = selectionBar(selection, (id) => list.rows.get(id));
   const rows = virtualRows((id) => selectableRow(id, list, selection), life);
 
   /** @param {Record<string, string | null>} changes */

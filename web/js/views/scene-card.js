@@ -3,8 +3,8 @@
 import { examplePictures } from "../news/example-pictures.js";
 import { deleteScene, imageUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
 import { h, setFacts, setText } from "../base/dom.js";
-import { jobs, putScene, setHidden } from "../news/farm.js";
-import { compact } from "../base/format.js";
+import { jobs, putScene, scenes, setHidden } from "../news/farm.js";
+import { ago, compact } from "../base/format.js";
 import { firstFrame } from "../base/shot-words.js";
 import { icon } from "../base/icons.js";
 import { linkTo } from "../shell/router.js";
@@ -105,6 +105,7 @@ function shortFacts(scene) {
   if (counts.textures) parts.push(tn(counts.textures, "{n} texture", "{n} textures"));
   const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));
   if (end) parts.push(t("moves for {n} s", { n: Number(end.toFixed(1)) }));
+  if (scenes.value?.some(({ id, name }) => name === scene.name && id !== scene.id)) parts.push(ago(scene.created));
   return parts;
 }
 
