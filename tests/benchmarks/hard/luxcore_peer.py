@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.benchmarks.hard.luxcore_scene import Properties, picture_properties, scene_properties
+from tests.benchmarks.hard.luxcore_scene import Properties, luxcore_meshes, picture_properties, scene_properties
 from tests.benchmarks.hard.scenes import SCENES, SIZE
 from tests.benchmarks.peers.answering import answer
 
@@ -22,11 +22,8 @@ def load(scene: str, method: str) -> dict[str, Any]:
 
     pyluxcore.Init(lambda _: None)
     described, made = SCENES[scene](), pyluxcore.Scene()
-    for part in described.parts:
-        shape = part.shape
-        normals = None if shape.normals is None else [tuple(normal) for normal in shape.normals.tolist()]
-        points, triangles = [tuple(p) for p in shape.positions.tolist()], [tuple(t) for t in shape.triangles.tolist()]
-        made.DefineMesh(f"mesh-{part.name.replace(' ', '-')}", points, triangles, normals, None, None, None)
+    for mesh in luxcore_meshes(described):
+        made.DefineMesh(*mesh, None, None, None)
     made.Parse(_properties(scene_properties(described)))
     _loaded.update(scene=made, method=method)
     return {"version": f"LuxCore {pyluxcore.Version()}"}

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from tests.benchmarks.hard.scenes import DEPTH, SIZE, HardScene, Surface
 
-__all__ = ["METHODS", "picture_properties", "scene_properties"]
+__all__ = ["METHODS", "LuxCoreMesh", "Properties", "luxcore_meshes", "picture_properties", "scene_properties"]
 
 METHODS = ("path", "bidirectional", "caustic cache")
 _LIGHT_DEPTH = 16
@@ -16,8 +16,32 @@ _CACHE_PHOTONS, _CACHE_ENTRIES, _CACHE_RADIUS = 500_000, 200_000, 0.03
 Properties = dict[str, Any]
 
 
+class LuxCoreMesh(NamedTuple):
+    """A mesh as LuxCore's DefineMesh takes it: name, points, triangles, and normals or None."""
+
+    name: str
+    points: list[tuple[float, ...]]
+    triangles: list[tuple[int, ...]]
+    normals: list[tuple[float, ...]] | None
+
+
+def luxcore_meshes(scene: HardScene) -> list[LuxCoreMesh]:
+    """Returns the meshes of the scene's objects, to which `scene_properties` refers."""
+    made = []
+    for part in scene.parts:
+        shape = part.shape
+        normals = None if shape.normals is None else list(map(tuple, shape.normals.tolist()))
+        points, triangles = list(map(tuple, shape.positions.tolist())), list(map(tuple, shape.triangles.tolist()))
+        made.append(LuxCoreMesh(f"mesh-{_object(part.name)}", points, triangles, normals))
+    return made
+
+
+def _object(part: str) -> str:
+    return part.replace(" ", "-")
+
+
 def scene_properties(scene: HardScene) -> Properties:
-    """Returns the properties of camera, materials, lights and objects. The mesh of object `name` is called mesh-`name`."""
+    """Returns the properties of camera, materials, lights and objects."""
     made: Properties = {
         "scene.camera.type": "perspective",
         "scene.camera.lookat.orig": list(map(float, scene.eye)),
@@ -39,7 +63,7 @@ def scene_properties(scene: HardScene) -> Properties:
             "scene.lights.sun.color": list(map(float, scene.sun.irradiance)),
         }
     for part in scene.parts:
-        name = part.name.replace(" ", "-")
+        name = _object(part.name)
         made |= {f"scene.objects.{name}.shape": f"mesh-{name}", f"scene.objects.{name}.material": part.surface}
     return made
 

@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +120,7 @@ def opened(contestant: Contestant, scene: str, seconds: float) -> Iterator[Rende
         yield renderer
 
 
+@cache
 def _state(contestant: Contestant, scene: str) -> str:
     """Returns a hash of what a contestant's pictures of a scene depend on, apart from our renderer."""
     sources = [(_HERE / name).read_text() for name in _PROGRAMS[contestant.program]]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -342,16 +343,20 @@ def vase() -> HardScene:
     return HardScene("vase", "glass vase and ball", "caustics", (0.3, 1.6, 3.3), (-0.05, 0.5, -0.2), 42, surfaces, parts)
 
 
+# Functions, which build their scene once.
 SCENES: dict[str, Callable[[], HardScene]] = {
-    "door": door,
-    "window": window,
-    "hatch": hatch,
-    "long-room": long_room,
-    "corridor": corridor,
-    "attic": attic,
-    "ball": glass_ball,
-    "pool": pool,
-    "slab": slab,
-    "niche": niche,
-    "vase": vase,
+    name: cache(make)
+    for name, make in {
+        "door": door,
+        "window": window,
+        "hatch": hatch,
+        "long-room": long_room,
+        "corridor": corridor,
+        "attic": attic,
+        "ball": glass_ball,
+        "pool": pool,
+        "slab": slab,
+        "niche": niche,
+        "vase": vase,
+    }.items()
 }
