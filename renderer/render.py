@@ -43,7 +43,7 @@ from renderer.parallel_compile import Helpers
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
 from renderer.reference import Packed
 from renderer.replay import Replay, read_log
-from renderer.scene.caustics import example_tables, with_caustics
+from renderer.scene.caustics import with_caustics
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.environment import environment_sampled_fully, with_environment_changed, without_environment_sampling
 from renderer.scene.light_groups import with_group_planes
@@ -158,8 +158,6 @@ def _render(
     columns = _record_columns(settings)
     records = np.full((tile.w * tile.h * count if columns else 0, columns or 2), NOT_FINITE, np.uint32)
     camera = camera_frame(settings_relative_to_origin(settings, scene.origin))
-    if scene.caustics is None and samples_caustics(settings):  # nothing to sample
-        settings = replace(settings, caustics="off")
     kernel = renderer_of(settings)
     scratch, options = new_scratch(kernel, tile.w, tile.h, planes, rows), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
@@ -462,7 +460,8 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
         )
     if settings.integrator in ("whitted", "ao"):  # which have no media
         variant = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(variant, variant)
-    return FULL if variant == PLAIN and (settings.is_spectral or not has_variants(settings)) else variant
+    has_plain = has_variants(settings) and not (settings.is_spectral or samples_caustics(settings))
+    return FULL if variant == PLAIN and not has_plain else variant
 
 
 def kernel_name(settings: RenderSettings | None = None, variant: str = PLAIN) -> str:
@@ -502,8 +501,6 @@ def warm_up(
         copy_shipped_kernels(jit.cache_folder())
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
     nothing, _ = example_of(f"{variant}{variant_suffix(settings)}")
-    if samples_caustics(settings):
-        nothing = nothing._replace(caustics=example_tables())
     with (
         helpers or helpers_for(settings, variant) as helping,
         jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold,
