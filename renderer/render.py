@@ -70,8 +70,10 @@ __all__ = [
     "render_batch",
     "render_frame",
     "replay",
+    "settings_in_use",
     "variant_for",
     "warm_up",
+    "warm_up_caustics",
     "warm_up_guide",
 ]
 
@@ -221,6 +223,8 @@ def _render_on(
         return _added([_render_on(card, scene, settings, tile, *each) for each in ranges])
     camera, options = camera_frame(settings_relative_to_origin(settings, scene.origin)), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
+    if scene.caustics is None:  # nothing to sample
+        settings = replace(settings, caustics="off")
     plain = scene.has._replace(groups=None, light_paths=None, by_light=None)
     variant = next(name for name, has in KERNEL_VARIANTS.items() if has == plain) + variant_suffix(settings)
     found = card.render(scene, variant, camera, options, batch, tile.w, tile.h, recorded)
@@ -243,7 +247,7 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, caustics off and no mistake; leave out the card",
+                "sample and no mistake; leave out the card",
             )
         )
 
@@ -508,8 +512,7 @@ def warm_up(
         if is_cold:
             helping.share()
         _render(nothing, settings, Tile(0, 0, 0, 0), 0, 0)
-        if samples_caustics(settings):
-            warm_up_photons(nothing)
+        warm_up_caustics(settings, variant)
         warm_up_guide(settings, variant)
         helping.finish()
         if prepares:
@@ -517,6 +520,18 @@ def warm_up(
     if prepares:
         load_preparing()
     return time.perf_counter() - begin
+
+
+def warm_up_caustics(settings: RenderSettings, variant: str) -> None:
+    """Compiles or loads the kernels of photons through casters, if the settings ask for them. variant: as for `warm_up_guide`."""
+    if samples_caustics(settings):
+        warm_up_photons(example_of(f"{variant}{variant_suffix(settings)}")[0])
+
+
+def settings_in_use(settings: RenderSettings, scene: CompiledScene) -> RenderSettings:
+    """Returns the settings, without `caustics` if there is nothing in the scene that they would sample."""
+    is_of_use = not samples_caustics(settings) or with_caustics(scene).caustics is not None
+    return settings if is_of_use else replace(settings, caustics="off")
 
 
 def warm_up_guide(settings: RenderSettings, variant: str) -> None:

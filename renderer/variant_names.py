@@ -13,7 +13,7 @@ from renderer.scene.caustics import example_tables
 from renderer.scene.light_groups import with_group_planes
 from renderer.settings import RenderSettings, View
 
-__all__ = ["CAUSTICS_SUFFIX", "GUIDED_SUFFIX", "SPECTRAL_SUFFIX", "base_variant", "example_of", "variant_suffix"]
+__all__ = ["CAUSTICS_SUFFIX", "GUIDED_SUFFIX", "SPECTRAL_SUFFIX", "base_variant", "example_of", "has_caustics", "variant_suffix"]
 
 CAUSTICS_SUFFIX = "-caustics"  # of a variant's name: for settings that sample light through casters,
 GUIDED_SUFFIX = "-guided"  # then with a path guide,
@@ -34,6 +34,11 @@ def variant_suffix(settings: RenderSettings) -> str:
 def base_variant(name: str) -> str:
     """Returns the kernel variant (renderer/arrays/scene_features.py) of a name with `variant_suffix`."""
     return _split(name)[0]
+
+
+def has_caustics(name: str) -> bool:
+    """Returns True if the kernel of that name samples light through casters."""
+    return CAUSTICS_SUFFIX in _split(name)[1]
 
 
 def example_of(name: str) -> tuple[CompiledScene, RenderSettings]:

@@ -23,7 +23,7 @@ from renderer.cuda.driver import Card, DriverError
 from renderer.cuda.render import CardError, CardMemoryError, CardRenderer
 from renderer.errors import RayfarmError
 from renderer.film import SAMPLES, BatchSums
-from renderer.render import is_for_cards, render_batch, variant_for, warm_up_guide
+from renderer.render import is_for_cards, render_batch, settings_in_use, variant_for, warm_up_caustics, warm_up_guide
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
 from renderer.settings import Tile
@@ -205,10 +205,11 @@ def _prepare_renderer(
         raise UnusableError(_card_failed_sentence(card))
     scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
     variant = variant_for(batch.settings, scene)
-    kernel = f"{variant}{variant_suffix(batch.settings)}"
+    kernel = f"{variant}{variant_suffix(settings_in_use(batch.settings, scene))}"
     if not renderer.has_kernel(kernel):
         compiling(True)
         _load(worker, renderer, kernel)
+        warm_up_caustics(batch.settings, variant)
         warm_up_guide(batch.settings, variant)
         compiling(False)
     return renderer, scene

@@ -15,7 +15,7 @@ from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.kernel.backends.cuda.ptx import InexactError, card_module, check_exact, emit_ptx
 from renderer.kernel.backends.cuda.target import CAPABILITY, PTX_VERSION
 from renderer.kernel.backends.cuda.wavefront import kernels_of
-from renderer.variant_names import base_variant
+from renderer.variant_names import base_variant, has_caustics
 from tests.grids import grid
 from tests.renderer.cuda.on_host import card_module as module_of
 
@@ -35,7 +35,8 @@ OTHERS = 256, 64, 255
 MEASURED = re.compile(
     r"Function properties for (\w+)\n\s+(\d+) bytes stack frame, (\d+) bytes spill stores.*\n.*Used (\d+) registers"
 )
-WITH_SETTINGS = "full-spectral", "media-spectral", "full-guided", "full-paths-groups"  # variants with what settings add to them
+# Variants with what settings add to them.
+WITH_SETTINGS = "full-spectral", "media-spectral", "full-guided", "full-paths-groups", "full-caustics", "aimed-caustics"
 OF_WARP = "activemask.b32", "match.any.sync.b32", "shfl.sync.idx.b32"
 
 
@@ -105,7 +106,7 @@ def test_variant_ptx_has_all_kernels(variant: str) -> None:
     ptx = emit_ptx(module_of(variant).clone())
     assert f".target sm_{CAPABILITY[0]}{CAPABILITY[1]}" in ptx
     assert f".version {PTX_VERSION[0]}.{PTX_VERSION[1]}" in ptx
-    assert sorted(re.findall(r"\.entry (\w+)\(", ptx)) == sorted(kernels_of(KERNEL_VARIANTS[base_variant(variant)]))
+    assert sorted(re.findall(r"\.entry (\w+)\(", ptx)) == sorted(kernels_of(KERNEL_VARIANTS[base_variant(variant)], has_caustics(variant)))
     assert all(instruction in ptx for instruction in OF_WARP)
 
 
@@ -121,7 +122,7 @@ def test_registers_and_spills_stay_within_their_budget(variant: str, tmp_path: P
         command = [assembler, f"-arch={architecture}", "-v", str(path), "-o", str(tmp_path / "kernel.cubin")]
         said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
         found = {name: tuple(map(int, used)) for name, *used in MEASURED.findall(said)}
-        assert sorted(found) == sorted(kernels_of(KERNEL_VARIANTS[base_variant(variant)]))
+        assert sorted(found) == sorted(kernels_of(KERNEL_VARIANTS[base_variant(variant)], has_caustics(variant)))
         budget = BUDGET | (BY_LIGHT if variant.endswith(("-paths", "-groups")) else {})
         over = {name: used for name, used in found.items() if (np.array(used) > budget.get(name, OTHERS)).any()}
         assert not over, architecture

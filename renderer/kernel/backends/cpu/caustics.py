@@ -124,7 +124,7 @@ def sample_caustic(scene, stack, pool, number, layers, spare, options):
     Writes CausticPath; returns the number of rays traced. layers, spare: (LAYER_SLOTS,) float32, scratch memory.
     """
     shading, ray, path = gather(pool, number, Shading), gather(pool, number, Ray), gather(pool, number, PathState)
-    row, light, rays = caustic_row(pool, number, options), _BLACK, 0
+    light, rays = _BLACK, 0
     begun = NO_CHAIN
     if shading.list != _IN_MEDIUM:
         vertex = _vertex_of(scene, pool, number, ray, shading, layers, options)
@@ -138,7 +138,7 @@ def sample_caustic(scene, stack, pool, number, layers, spare, options):
             wavelengths = path_wavelengths(scene, pool, number, options)
             known = vertex, ray, path, last, chain, counts, options, stream, spare, time, wavelengths
             light, rays = caustic_light(scene, stack, *known)
-    scatter_caustic(pool, row, CausticPath(u32(begun), light))
+    scatter_caustic(pool, caustic_row(pool, number, options), CausticPath(u32(begun), light))
     return rays
 
 

@@ -22,6 +22,7 @@ from renderer.wide.fields import Flag, Float, Int, Layout, Pair, Vector, accesso
 from renderer.wide.values import as_wide, u32, where
 
 __all__ = [
+    "CAUSTIC_ROW",
     "FIRST_GROUP",
     "LAYOUT",
     "PATHS",
@@ -269,15 +270,15 @@ class CausticPath(NamedTuple):
 
 
 _CAUSTIC_LAYOUT = Layout(CausticPath)
-_CAUSTIC_ROW = _CAUSTIC_LAYOUT.width
-assert _CAUSTIC_ROW == GROUP_ROW
+CAUSTIC_ROW = _CAUSTIC_LAYOUT.width
+assert CAUSTIC_ROW == GROUP_ROW
 gather_caustic, scatter_caustic = accessors(_CAUSTIC_LAYOUT, row_major=True)
 _ALL_ROWS = np.uint32(ROWS + 1)
 
 
 def caustic_floats() -> int:
     """Returns how many float32 lie behind the paths' rows and their light by group, for the rows of CausticPath."""
-    return (ROWS + 1) * _CAUSTIC_ROW
+    return (ROWS + 1) * CAUSTIC_ROW
 
 
 @device
