@@ -104,7 +104,7 @@ def leave_with_chain(scene, pool, rows, written, specular, bounce, options):
 
 @device
 def _vertex_of(scene, pool, number, ray, shading, layers, options):
-    """Returns the Vertex of the path in row `number`. layers: (LAYER_SLOTS,) float32, receives the parameters of rarer materials."""
+    """Returns the Vertex of the path in row `number`. layers: (LAYER_SLOTS,) float32, receives rarer materials' parameters."""
     surface, seen = surface_of(pool, number, gather(pool, number, Facet), shading), gather(pool, number, Appearance)
     axes, n = gather(pool, number, Axes), gather(pool, number, Mapped).normal
     frame, time = (axes.s, axes.t, n), time_of(scene.has.motion, pool, number)

@@ -562,7 +562,9 @@ CAUSTICS: dict[str, Feature] = {
     "casters by a brushed metal": _caustics(lambda: room(Material(**GOLD, roughness=0.4, anisotropy=0.7))),
     "casters by a brushed metal that is even": _caustics(lambda: room(Material(**GOLD, roughness=0.0, anisotropy=0.7))),
     "casters by rough glass": _caustics(lambda: room(Material(kind="glass", roughness=0.4))),
-    "casters by half clear cards": _caustics(lambda: room(_half_clear(normal_texture=2), cards(2), materials=[Material(**BLEND)])),
+    "casters by half clear cards": _caustics(
+        lambda: room(_half_clear(normal_texture=2), cards(2), materials=[Material(**BLEND)])
+    ),
     "casters by copies": _caustics(lambda: copies(Material(**PBR, roughness=0.4))),
     "casters by coloured glass": _caustics(
         lambda: room(Material(**GLASS, attenuation_color=(0.5, 0.9, 0.7), attenuation_distance=0.5))
