@@ -6,6 +6,7 @@ service --- Celery task PREPARE_FRAMES > worker    PrepareFrames
 service --- Celery task DENOISE ------> worker     DenoiseFrame
 service --- Celery task VECTORS ------> worker     FrameVectors
 service --- Celery task ENVIRONMENT --> worker     ShowEnvironment
+service --- Celery task PATH_GUIDE ---> worker     TrainPathGuide
 worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
 worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
 service --- key pause_key(name) ------> worker     the reason for a pause; without the key the worker takes tasks
@@ -36,6 +37,7 @@ __all__ = [
     "ENVIRONMENT",
     "HEARTBEAT_EVERY_S",
     "HEARTBEAT_TTL_S",
+    "PATH_GUIDE",
     "PREPARE",
     "PREPARE_FRAMES",
     "RENDER_BATCH",
@@ -56,6 +58,7 @@ __all__ = [
     "Result",
     "SceneInfo",
     "ShowEnvironment",
+    "TrainPathGuide",
     "WorkerReport",
     "denoise_queue",
     "pause_key",
@@ -72,13 +75,23 @@ RENDER_BATCHES = "rayfarm.render_batches"
 DENOISE = "rayfarm.denoise"
 VECTORS = "rayfarm.vectors"
 ENVIRONMENT = "rayfarm.environment"
+PATH_GUIDE = "rayfarm.path_guide"
 RESULTS = "rayfarm:results"
 WORKER_KEYS = "rayfarm:worker:*"
 HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S = 1.0, 6
 VERSION_HEADER = "X-Film-Version"  # HTTP headers of a film's means: the film's version and its number of samples
 SAMPLES_HEADER = "X-Samples"
 # Fields of reports that are omitted if they have the default.
-_LATER_FIELDS = ("cards", "has_card_queue", "cards_unused", "transport", "denoises_views", "views_on_cards", "recalls")
+_LATER_FIELDS = (
+    "cards",
+    "has_card_queue",
+    "cards_unused",
+    "transport",
+    "denoises_views",
+    "views_on_cards",
+    "recalls",
+    "trains_guides",
+)
 _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a message's cost, equal for all batches of a frame
 
 
@@ -314,10 +327,12 @@ class RenderBatch:
     count: int
     settings: RenderSettings
     packing: int = 1  # what the service understands of protocol.sums
+    guide: str = ""  # SHA-256 of the frame's path guide (TrainPathGuide); "": the worker trains it, if the settings ask for one
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the batch as JSON data for the Celery message."""
-        return {**vars(self), "tile": list(self.tile), "settings": _settings_json(self.settings)}
+        """Returns the batch as JSON data for the Celery message; without `guide` if there is none, as in earlier releases."""
+        data = {**vars(self), "tile": list(self.tile), "settings": _settings_json(self.settings)}
+        return data if self.guide else {name: value for name, value in data.items() if name != "guide"}
 
     @classmethod
     def from_json(cls, data: Any) -> RenderBatch:
@@ -454,6 +469,38 @@ class ShowEnvironment:
 
 
 @dataclass(frozen=True)
+class TrainPathGuide:
+    """Request to train a frame's path guide. The worker stores it as a blob (renderer/guiding/stored_guide.py)."""
+
+    work: str  # unique for every time it is handed out
+    job: str
+    frame: int
+    kind: str  # of the workers that render the frame
+    compiled: str  # SHA-256 of the compiled scene
+    settings: RenderSettings
+
+    @property
+    def width(self) -> int:
+        """Width of the picture in pixels."""
+        return self.settings.width
+
+    @property
+    def height(self) -> int:
+        """Height of the picture in pixels."""
+        return self.settings.height
+
+    @classmethod
+    def from_json(cls, data: Any) -> TrainPathGuide:
+        """Parses the request from the JSON of `to_json`. Raises ValueError, or SettingsError for unknown settings."""
+        known = _fields(cls, data)
+        return cls(**{**known, "settings": RenderSettings.from_json(known["settings"])})
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the request as JSON data."""
+        return {**vars(self), "settings": _settings_json(self.settings)}
+
+
+@dataclass(frozen=True)
 class WorkerReport:
     """A worker's heartbeat report, sent every HEARTBEAT_EVERY_S seconds."""
 
@@ -466,13 +513,15 @@ class WorkerReport:
     state: Literal["starting", "ready", "paused"]  # starting: compiling or loading its kernels; paused: takes no more tasks
     started: float  # unix time
     samples_per_s: float = 0.0  # of one slot, over its latest batches
-    # A slot each: {}, {batch, message, job, frame, tile, first, count}, {scene}, {denoise or vectors, frame} or {view, message}
+    # A slot each: {}, {batch, message, job, frame, tile, first, count}, {scene}, {view, message}, or {denoise, vectors or
+    # path_guide, frame}
     current: list[dict[str, Any]] = field(default_factory=list)
     denoises: bool = False  # whether it has Open Image Denoise
     frames: bool = False  # whether it prepares frames of shots: workers of before release 0.2 do not
     blurs: bool = False  # whether it prepares them with an open shutter
     vectors: bool = False  # whether it makes motion vectors
     several: bool = False  # whether it takes several batches in one message
+    trains_guides: bool = False  # whether it trains path guides, and reads those of other workers
     recalls: bool = False  # whether it returns those that it has not begun when the service recalls the message
     views: bool = False  # whether it renders interactive views (protocol.view_parts)
     explains: bool = False  # whether it explains pixels (protocol.explained)

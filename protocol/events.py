@@ -78,7 +78,7 @@ class _Work(TypedDict):
 
 
 class WorkMade(_Work):
-    """An artifact that a client requested was made and stored as a blob: motion vectors, or an environment's thumbnail."""
+    """An artifact was made and stored as a blob: motion vectors, the thumbnail of an environment, or a path guide."""
 
     sha256: str
 
@@ -95,7 +95,7 @@ class Denoised(WorkMade):
 
 
 class WorkFailed(_Work):
-    """An artifact that a client requested cannot be made: a denoised frame, motion vectors, or a thumbnail.
+    """An artifact cannot be made: a denoised frame, motion vectors, a thumbnail, or a path guide.
 
     unfit: whether only this machine cannot make it, so another may succeed.
     """
@@ -192,9 +192,11 @@ EVENTS: dict[str, Any] = {
     "denoised": Denoised,
     "vectors-made": WorkMade,
     "environment-shown": WorkMade,
+    "path-guide-trained": WorkMade,
     "denoise-failed": WorkFailed,
     "vectors-failed": WorkFailed,
     "environment-failed": WorkFailed,
+    "path-guide-failed": WorkFailed,
     "prepare-started": PrepareStarted,
     "prepare-progress": PrepareProgress,
     "prepared": Prepared,

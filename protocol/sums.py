@@ -77,11 +77,18 @@ START = Layout("batch of sums", Start)
 PLANE = Layout("plane of sums", PlaneHead)
 
 
-def pack_sums(sums: Sums, packing: int = PACKED, hits: Hits | None = None, deep_pixels: Deep | None = None) -> bytes:
+def pack_sums(
+    sums: Sums,
+    packing: int = PACKED,
+    hits: Hits | None = None,
+    deep_pixels: Deep | None = None,
+    planes: Collection[int] | None = None,
+) -> bytes:
     """Packs a batch's sums, (planes, h, w) int64. Equal sums give equal bytes.
 
     packing: the format: the newest one that the receiver supports, or 1 for releases before 0.2. hits: counts of Cryptomatte;
-    None if they were not requested. deep_pixels: likewise.
+    None if they were not requested. deep_pixels: likewise. planes: pack the others as if they were 0, without reading them;
+    not for packing 1.
     """
     if packing < PACKED:
         return lz4.block.compress(_encode_plane(sums, 8), store_size=False)
@@ -89,6 +96,9 @@ def pack_sums(sums: Sums, packing: int = PACKED, hits: Hits | None = None, deep_
     bodies: list[bytes] = []
     seen: dict[tuple[int, int], list[int]] = {}
     for number, plane in enumerate(sums):
+        if planes is not None and number not in planes:
+            heads.append(PLANE.pack(PlaneHead(ALIKE, 0)))
+            continue
         least, most = (int(plane.min()), int(plane.max())) if plane.size else (0, 0)
         if least == most:
             heads.append(PLANE.pack(PlaneHead(ALIKE, least)))

@@ -1,21 +1,33 @@
-"""The graphics card for `rayfarm render --gpu` and for `render(device=...)`, and messages about cards."""
+"""Graphics cards for `rayfarm render --gpu`, `render(device=...)` and workers, and messages about cards."""
 
 from __future__ import annotations
 
 import contextlib
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from rayfarm.console import err
 from rayfarm.errors import CommandError
-from renderer.cuda.cards import NOT_YET_TRIED, described, find_cards
+from renderer.cuda.cards import NOT_YET_TRIED, CardsError, chosen_cards, described, find_cards
 from renderer.errors import MachineError, SettingsError
 
 if TYPE_CHECKING:
     from renderer.cuda.render import CardRenderer
 
-__all__ = ["check_device", "device_card", "open_card"]
+__all__ = ["WorkerCards", "check_device", "device_card", "open_card", "slot_count"]
+
+WorkerCards = Annotated[
+    str,
+    typer.Option(
+        "--gpu",
+        metavar="CARDS",
+        help="NVIDIA cards that render, in a slot each of a second worker NAME-gpu: auto: those that pass the self-test; none; "
+        f"all, or numbers such as 0,1: an error if one cannot be used; only: all, and no cores. {NOT_YET_TRIED.capitalize()}.",
+    ),
+]
 
 _DEVICE = re.compile(r"cpu|cuda(?::(\d{1,4}))?", re.ASCII)
 
@@ -59,6 +71,20 @@ def device_card(device: str) -> Iterator[CardRenderer | None]:
     finally:
         with contextlib.suppress(DriverError):  # after a failure the driver refuses this too; the failure itself is raised
             renderer.close()
+
+
+def slot_count(gpu: str, cpu_slots: int) -> int:
+    """Returns the number of slots of a worker: one per requested card, plus one per CPU slot unless `gpu` is "only".
+
+    Raises CommandError if a requested card is missing.
+    """
+    if gpu in ("auto", "none"):
+        return cpu_slots
+    try:
+        cards, with_cpu = chosen_cards(gpu, find_cards())
+    except CardsError as error:
+        raise CommandError(str(error)) from None
+    return len(cards) + (cpu_slots if with_cpu else 0)
 
 
 def open_card() -> CardRenderer:

@@ -7,9 +7,7 @@ import json
 import os
 import subprocess
 import time
-from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
@@ -58,13 +56,11 @@ def run(
     sentence: str,
     arguments: list[str] | None = None,
     waiting: subprocess.Popen[bytes] | None = None,
-    more: Mapping[str, list[str]] = MappingProxyType({}),
 ) -> None:
     """Runs and restarts a process until Ctrl-C, and shows its log. Raises CommandError if the process fails permanently.
 
     sentence: text to print at the start. arguments: options for a process that imports first and then reads them from standard
-    input; None for other processes. waiting: such a process, if it is already started. more: options of further processes of
-    the same command, by name.
+    input; None for other processes. waiting: such a process, if it is already started.
     """
     from rayfarm.local.state import ROOT
     from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
@@ -73,32 +69,28 @@ def run(
     signals = StopSignals()
     supervisor = Supervisor(ROOT, lambda sentence: err.print(sentence, markup=False, soft_wrap=True))
     env = {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}
-    shown: dict[Path, int] = {}  # bytes of each log that are printed
+    log = cache_home() / "logs" / f"{name}-{os.getpid()}.log"
+    part = Part(name, command, log, env, GRACE_S, (FATAL_EXIT_CODE,), WORKER_STEADY_S, arguments=arguments, spare=waiting)
+    shown = 0  # bytes of the log that are printed
     try:
-        for each, options in {name: arguments, **more}.items():
-            log = cache_home() / "logs" / f"{each}-{os.getpid()}.log"
-            part = Part(each, command, log, env, GRACE_S, (FATAL_EXIT_CODE,), WORKER_STEADY_S, arguments=options, spare=waiting)
-            waiting = None
-            try:
-                log.parent.mkdir(parents=True, exist_ok=True)
-                log.touch()  # raises if the log is not writable, with which the supervisor would start anyway
-                shown[log] = 0
-                supervisor.start(part)
-            except OSError as error:
-                raise CommandError(
-                    f"The {each}'s log {log} cannot be written ({error.strerror}). Set RAYFARM_CACHE to a folder of yours."
-                ) from error
-        out.print(f"{sentence} Log: {', '.join(map(str, shown))}", soft_wrap=True)
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.touch()  # raises if the log is not writable, with which the supervisor would start anyway
+        supervisor.start(part)
+    except OSError as error:
+        raise CommandError(
+            f"The {name}'s log {log} cannot be written ({error.strerror}). Set RAYFARM_CACHE to a folder of yours."
+        ) from error
+    try:
+        out.print(f"{sentence} Log: {log}", soft_wrap=True)
         while not signals.stop():
-            _print_new_log_lines(shown)
-            if (failed := supervisor.check_parts()) is not None:
-                raise CommandError(_exit_reason(failed.last_log_lines(_LAST_LINES), f"rayfarm {name}: "))
+            shown = _print_from(log, shown)
+            if supervisor.check_parts() is not None:
+                raise CommandError(_exit_reason(part.last_log_lines(_LAST_LINES), f"rayfarm {name}: "))
             time.sleep(0.2)
     finally:
         supervisor.stop(signals.is_immediate)
-        _print_new_log_lines(shown)
-        for log in shown:
-            log.unlink(missing_ok=True)
+        _print_from(log, shown)
+        log.unlink(missing_ok=True)
 
 
 def _exit_reason(log: str, prefix: str) -> str:
@@ -115,15 +107,6 @@ def _log_message(line: str) -> str:
     with contextlib.suppress(ValueError, TypeError, KeyError):
         return str(json.loads(line)["message"])
     return line
-
-
-def _print_new_log_lines(shown: dict[Path, int]) -> None:
-    """Prints what was appended to the processes' logs since the last call.
-
-    shown: number of bytes of each log that are printed already; updated.
-    """
-    for log, size in shown.items():
-        shown[log] = _print_from(log, size)
 
 
 def _print_from(log: Path, offset: int) -> int:

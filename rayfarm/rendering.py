@@ -82,17 +82,24 @@ def load_scene(
 def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock, card: CardRenderer | None = None) -> None:
     """Loads the kernel for these settings and this scene, on the graphics card if one is used; compiles it if needed.
 
+    With `guiding` it trains the guide first, which decides on the kernel.
     Called after the scene was read, so that errors in its files are reported before the wait.
     """
-    from renderer.render import check_for_cards, variant_for, warm_up
+    from renderer.render import check_for_cards, settings_as_rendered, variant_for, warm_up
+    from renderer.variant_names import variant_suffix
 
     with bar() as progress:
         progress.add_task("loading the kernel (the first time compiles it: a minute or two)", total=None)
-        if card is None:
-            warm_up(settings, variant_for(settings, compiled), prepares=False)
-        else:
+        if card is not None:
             check_for_cards(settings)
-            card.load(variant_for(settings, compiled))
+        variant = variant_for(settings, compiled)
+        if settings.guiding != "off":
+            settings = settings_as_rendered(settings, compiled)
+            clock.end_step("guide_s")
+        if card is None:
+            warm_up(settings, variant, prepares=False)
+        else:
+            card.load(f"{variant}{variant_suffix(settings)}")
     clock.end_step("compile_s")
 
 

@@ -156,7 +156,7 @@ def _render(
     reported: set[str],
     steadying: TemporalDenoiser,
 ) -> dict[str, Any]:
-    from renderer.render import variant_for, warm_up
+    from renderer.render import settings_as_rendered, variant_for, warm_up
 
     clock = Clock()
     moment = replace(shot.moment, frame=frame)
@@ -172,7 +172,7 @@ def _render(
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
     check_still_size(shot.file(frame), settings.width, settings.height)
-    warm_up(settings, variant_for(settings, compiled), prepares=False)
+    warm_up(settings_as_rendered(settings, compiled), variant_for(settings, compiled), prepares=False)
     clock.end_step("compile_s")
     hold = partial(steadying.add_frame, frame) if is_held else None
     written = frame in steadying.missing

@@ -1,12 +1,17 @@
 """Denoises images with Intel's Open Image Denoise, guided by the albedo and normals rendered with them.
 
 Optional: the package pyoidn contains the library. A denoised image is an estimate, so the original is always stored too.
+$RAYFARM_DENOISER selects the device: cpu (the default) or cuda, the first NVIDIA card, whose result differs in the last digits.
 """
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import importlib.util
-from typing import NamedTuple
+import logging
+import os
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +20,20 @@ from renderer.errors import SettingsError
 from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 
-__all__ = ["DenoisedPicture", "denoise", "denoise_fast", "denoise_preview", "denoise_with_guides", "is_available"]
+__all__ = [
+    "DEVICE_VARIABLE",
+    "DenoisedPicture",
+    "denoise",
+    "denoise_fast",
+    "denoise_preview",
+    "denoise_with_guides",
+    "is_available",
+]
 
+DEVICE_VARIABLE = "RAYFARM_DENOISER"
 F32 = npt.NDArray[np.float32]
 _RANGE = np.float32(1e6)  # clamps radiance to half precision's range; infinities would spread
+_log = logging.getLogger(__name__)
 
 
 def is_available() -> bool:
@@ -80,21 +95,64 @@ def _denoise(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first
                 error=library_message(error),
             )
         ) from error
-    with pyoidn.Device(pyoidn.OIDN_DEVICE_TYPE_CPU) as device:
-        device.set_int("numThreads", threads)
-        device.set_bool("setAffinity", False)  # pinned threads would compete with rendering threads
+    if _wants_card():
+        try:
+            return _denoise_on(pyoidn, pyoidn.OIDN_DEVICE_TYPE_CUDA, color, albedo, normal, threads, guides_first=guides_first)
+        except SettingsError as error:
+            _warn_once(f"{error}. The processor denoises in the card's place")
+    return _denoise_on(pyoidn, pyoidn.OIDN_DEVICE_TYPE_CPU, color, albedo, normal, threads, guides_first=guides_first)
+
+
+def _wants_card() -> bool:
+    """Returns True if $RAYFARM_DENOISER requests an NVIDIA card. Raises SettingsError if its value is unknown."""
+    named = os.environ.get(DEVICE_VARIABLE) or "cpu"
+    if named not in ("cpu", "cuda"):
+        raise SettingsError(
+            Sentence("denoiser-device-unknown", "{variable} is {value}; give cpu or cuda", variable=DEVICE_VARIABLE, value=named)
+        )
+    return named == "cuda"
+
+
+@functools.cache
+def _warn_once(sentence: str) -> None:
+    _log.warning("%s", sentence)
+
+
+def _denoise_on(
+    pyoidn: Any, kind: int, color: F32, albedo: F32, normal: F32, threads: int, *, guides_first: bool
+) -> DenoisedPicture:
+    """Denoises on a device of a kind, one of the library's. Raises SettingsError if it fails or there is no such device."""
+    with contextlib.ExitStack() as ends:
+        device = pyoidn.Device(kind)
+        _check(device)
+        ends.callback(device.release)
+        if kind == pyoidn.OIDN_DEVICE_TYPE_CPU:
+            device.set_int("numThreads", threads)
+            device.set_bool("setAffinity", False)  # pinned threads would compete with rendering threads
         device.commit()
+        _check(device)
+
+        def buffer_of(image: F32) -> Any:
+            buffer = ends.enter_context(pyoidn.Buffer(device, image.nbytes))
+            _check(device)
+            buffer.write(0, image.nbytes, image)
+            return buffer
 
         def run(output: F32, images: dict[str, F32], **options: bool) -> F32:
+            height, width, _ = output.shape
+            buffers = {name: buffer_of(image) for name, image in {**images, "output": output}.items()}
             with pyoidn.Filter(device, pyoidn.OIDN_FILTER_TYPE_RT) as filter:
-                for name, image in {**images, "output": output}.items():
-                    filter.set_image(name, image, pyoidn.OIDN_FORMAT_FLOAT3)
+                for name, buffer in buffers.items():
+                    filter.set_image(name, buffer, pyoidn.OIDN_FORMAT_FLOAT3, width, height)
                 for name, value in options.items():
                     filter.set_bool(name, value)
                 filter.commit()
                 filter.execute()
-            if fault := device.get_error():
-                raise SettingsError(Sentence("denoiser-failed", "Open Image Denoise failed: {fault}", fault=fault))
+            _check(device)
+            buffers["output"].read(0, output.nbytes, output)
+            _check(device)
+            for buffer in buffers.values():
+                buffer.release()
             return output
 
         guides = {}
@@ -103,3 +161,9 @@ def _denoise(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first
             guides[name] = run(np.empty_like(guide), {name: guide}) if guides_first else guide
         noisy = np.clip(np.ascontiguousarray(color, np.float32), 0, _RANGE)
         return DenoisedPicture(run(np.empty_like(noisy), {"color": noisy, **guides}, hdr=True, cleanAux=guides_first), **guides)
+
+
+def _check(device: Any) -> None:
+    """Raises SettingsError if the device has failed."""
+    if fault := device.get_error():
+        raise SettingsError(Sentence("denoiser-failed", "Open Image Denoise failed: {fault}", fault=fault))

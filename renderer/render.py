@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import cryptomatte, deep, jit
+from renderer.arrays.guide import Guide
 from renderer.arrays.kernel_variant import strip_absent_features, variant_of
 from renderer.arrays.rows import CATCHES
 from renderer.arrays.scene import example
@@ -23,7 +24,7 @@ from renderer.deep_samples import RECORD, Sight, sum_samples
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES, BadSample, BatchSums, Sums, plane_count
 from renderer.guiding.caustic_photons import warm_up_photons, with_photons
-from renderer.guiding.train import warm_up_pilot, with_guide
+from renderer.guiding.train import is_guide_kept, kept_guide, load_pilot_kernel, train_guide
 from renderer.kernel import path_trace as record
 from renderer.kernel.accumulate import (
     MAX_BAD,
@@ -60,21 +61,25 @@ __all__ = [
     "PLAIN",
     "RenderStats",
     "check_for_cards",
+    "guide_of",
     "helpers_for",
     "is_for_cards",
+    "is_pilot_warm",
     "is_warm",
     "kernel_name",
     "load_preparing",
+    "pilot_kernel_name",
     "pixel_range_sums",
     "pixel_samples",
     "render_batch",
     "render_frame",
     "replay",
-    "settings_in_use",
+    "settings_as_rendered",
+    "settings_of_prepared",
     "variant_for",
     "warm_up",
     "warm_up_caustics",
-    "warm_up_guide",
+    "warm_up_pilot",
 ]
 
 _PLAIN_ROOTS = 2  # root nodes of a tree without visibility by kind of ray: for camera rays and shadow rays
@@ -127,8 +132,59 @@ def _prepared(scene: CompiledScene, settings: RenderSettings, variant: str | Non
     if samples_caustics(settings):
         prepared = with_photons(stored, prepared)
     if samples_guide(settings):
-        prepared = with_guide(stored, prepared, strip_absent_features(scene, _pilot_variant(variant)), settings)
+        prepared = prepared._replace(path_guide=_guide(stored, scene, settings, variant))
     return prepared
+
+
+def _guide(stored: CompiledScene, scene: CompiledScene, settings: RenderSettings, variant: str) -> Guide | None:
+    """Returns the guide of an image; None if its paths follow none, so that the kernel without guides renders them.
+
+    stored: the scene from which `scene` was made, with the settings' environment and choice among lights. variant: of the kernel
+    that renders the image.
+    """
+
+    def train() -> Guide | None:
+        if not is_pilot_warm(variant):
+            warm_up_pilot(settings, variant)
+        return train_guide(strip_absent_features(scene, _pilot_variant(variant)), settings)
+
+    return kept_guide(stored, settings, train)
+
+
+def guide_of(
+    settings: RenderSettings, scene: CompiledScene, prepare_pilot: Callable[[RenderSettings, str], None] | None = None
+) -> Guide | None:
+    """Returns the guide of an image, for settings with `guiding`; None if its paths follow none. Trains it unless it is kept.
+
+    prepare_pilot: called with the settings and the kernel variant before the kernel of pilot paths is needed for that and not
+    loaded yet; None: `warm_up_pilot`.
+    """
+    variant = variant_for(settings, scene)
+    if not is_guide_kept(scene, settings) and not is_pilot_warm(variant):
+        (prepare_pilot or warm_up_pilot)(settings, variant)
+    guide: Guide | None = _prepared(scene, settings).path_guide
+    return guide
+
+
+def settings_as_rendered(
+    settings: RenderSettings, scene: CompiledScene, prepare_pilot: Callable[[RenderSettings, str], None] | None = None
+) -> RenderSettings:
+    """Returns the settings for whose kernel a scene is rendered.
+
+    They are without `guiding` if its paths follow no guide, and without `caustics` if it has none. Trains the guide if the
+    settings ask for one. prepare_pilot: as for `guide_of`.
+    """
+    if samples_caustics(settings) and with_caustics(scene).caustics is None:
+        return replace(settings, caustics="off")
+    if not samples_guide(settings) or guide_of(settings, scene, prepare_pilot) is not None:
+        return settings
+    return replace(settings, guiding="off")
+
+
+def settings_of_prepared(settings: RenderSettings, prepared: CompiledScene) -> RenderSettings:
+    """Returns the settings for whose kernel a scene from `_prepared` is rendered, as `settings_as_rendered` does."""
+    guiding = "off" if prepared.path_guide is None else settings.guiding
+    return replace(settings, guiding=guiding, caustics="off" if prepared.caustics is None else settings.caustics)
 
 
 def _pilot_variant(variant: str) -> str:
@@ -223,10 +279,9 @@ def _render_on(
         return _added([_render_on(card, scene, settings, tile, *each) for each in ranges])
     camera, options = camera_frame(settings_relative_to_origin(settings, scene.origin)), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
-    if scene.caustics is None:  # nothing to sample
-        settings = replace(settings, caustics="off")
     plain = scene.has._replace(groups=None, light_paths=None, by_light=None)
-    variant = next(name for name, has in KERNEL_VARIANTS.items() if has == plain) + variant_suffix(settings)
+    suffix = variant_suffix(settings_of_prepared(settings, scene))
+    variant = next(name for name, has in KERNEL_VARIANTS.items() if has == plain) + suffix
     found = card.render(scene, variant, camera, options, batch, tile.w, tile.h, recorded)
     bad: list[BadSample] = []
     if found.bad_count:  # a card counts them: the CPU lists those of the pixels that lack samples
@@ -474,6 +529,11 @@ def kernel_name(settings: RenderSettings | None = None, variant: str = PLAIN) ->
     return f"{renderer_of(settings).__name__.strip('_')}-{variant}{variant_suffix(settings)}"
 
 
+def pilot_kernel_name(variant: str) -> str:
+    """Returns the cache name of the kernel of pilot paths. variant: of the kernel for images."""
+    return f"pilot-{_pilot_variant(variant)}"
+
+
 def is_warm(settings: RenderSettings, variant: str) -> bool:
     """Returns True if `warm_up` has loaded this kernel.
 
@@ -513,7 +573,6 @@ def warm_up(
             helping.share()
         _render(nothing, settings, Tile(0, 0, 0, 0), 0, 0)
         warm_up_caustics(settings, variant)
-        warm_up_guide(settings, variant)
         helping.finish()
         if prepares:
             prepare_first() if name == kernel_name() else prepare()
@@ -523,21 +582,26 @@ def warm_up(
 
 
 def warm_up_caustics(settings: RenderSettings, variant: str) -> None:
-    """Compiles or loads the kernels of photons through casters, if the settings ask for them. variant: as for `warm_up_guide`."""
+    """Compiles or loads the kernels of photons through casters, if the settings ask for them. variant: of that for images."""
     if samples_caustics(settings):
         warm_up_photons(example_of(f"{variant}{variant_suffix(settings)}")[0])
 
 
-def settings_in_use(settings: RenderSettings, scene: CompiledScene) -> RenderSettings:
-    """Returns the settings, without `caustics` if there is nothing in the scene that they would sample."""
-    is_of_use = not samples_caustics(settings) or with_caustics(scene).caustics is not None
-    return settings if is_of_use else replace(settings, caustics="off")
+def is_pilot_warm(variant: str) -> bool:
+    """Returns True if `warm_up_pilot` has loaded the kernel of pilot paths. variant: of the kernel for images."""
+    return jit.is_ready(pilot_kernel_name(variant))
 
 
-def warm_up_guide(settings: RenderSettings, variant: str) -> None:
-    """Compiles or loads the kernel that trains a path guide, if the settings ask for one. variant: of the kernel for images."""
-    if samples_guide(settings):
-        warm_up_pilot(strip_absent_features(example(), _pilot_variant(variant)), settings)
+def warm_up_pilot(settings: RenderSettings, variant: str, fetch: Callable[[str], None] | None = None) -> float:
+    """Compiles or loads the kernel of pilot paths, which train a path guide; returns the seconds taken.
+
+    variant: of the kernel for images. fetch: as for `warm_up`.
+    """
+    begin, name = time.perf_counter(), pilot_kernel_name(variant)
+    with jit.compiling(name, None if fetch is None else lambda: fetch(name)):
+        nothing = strip_absent_features(example(), _pilot_variant(variant))
+        load_pilot_kernel(nothing, replace(settings, view=_PICTURE.view))
+    return time.perf_counter() - begin
 
 
 def load_preparing() -> None:

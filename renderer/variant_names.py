@@ -54,6 +54,7 @@ def example_of(name: str) -> tuple[CompiledScene, RenderSettings]:
         light_paths="on" if has_paths else "off",
         spectral="on" if SPECTRAL_SUFFIX in suffixes else "off",
         caustics="on" if CAUSTICS_SUFFIX in suffixes else "off",
+        guiding="on" if GUIDED_SUFFIX in suffixes else "off",
     )
     nothing = strip_absent_features(with_group_planes(example(), settings.group_names), variant, has_groups, has_paths)
     if GUIDED_SUFFIX in suffixes:

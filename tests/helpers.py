@@ -107,13 +107,15 @@ class Farm:
         return "\n".join(f"--- {path.name}\n{path.read_text(errors='replace')[-3000:]}" for path in files if path.exists())
 
 
-def start_farm(data: Path, workers: int, until: bytes = b"Ready", module: str = "rayfarm", **environment: str) -> Farm:
+def start_farm(
+    data: Path, workers: int, until: bytes = b"Ready", module: str = "rayfarm", gpu: str = "none", **environment: str
+) -> Farm:
     """Starts `rayfarm up` on a free port; returns when it has printed `until`, by default when all slots are ready.
 
-    module: the program, run with Python's `-m`.
+    module: the program, run with Python's `-m`. gpu: which graphics cards render; by default not even this machine's own.
     """
     command = [sys.executable, "-m", module, "up", "--port=0", f"--workers={workers}", f"--data={data}", "--no-browser"]
-    return farm_of(command, data, ROOT, until, **environment)
+    return farm_of(command if gpu == "auto" else [*command, f"--gpu={gpu}"], data, ROOT, until, **environment)
 
 
 def farm_of(command: list[str], data: Path, cwd: Path, until: bytes = b"Ready", **environment: str) -> Farm:

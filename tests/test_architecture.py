@@ -15,6 +15,7 @@ from tests.helpers import ROOT
 PACKAGES = ("renderer", "protocol", "telemetry", "worker", "service", "rayfarm")
 PAGE = (
     "base",
+    "mesh",
     "news",
     "shell",
     "film",

@@ -43,6 +43,7 @@ from renderer.cuda.cards import (
     chosen_cards,
     described,
     find_cards_before_fork,
+    has_driver,
     has_nvidia_hardware,
     reasons_unused,
 )
@@ -60,20 +61,21 @@ from worker.exchange.link import Link, check_redis_url
 from worker.exchange.ready import make_kernel_ready
 from worker.joining import TRANSPORTS, FarmJoin
 from worker.machine import health_file
+from worker.machine.cards_worker import EXIT_NO_CARDS, EXIT_REFUSED, CardsWorker
 from worker.machine.health_file import WorkerState
 from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard
+from worker.process import context
 from worker.process.apply_terms import TermsKeeper
 from worker.process.context import WorkerContext, cpu_name
 from worker.telemetry import logs
+from worker.work.card_self_test import check_cards
 from worker.work.files import memory_budget
 from worker.work.reader import begin_launcher
 
 gc.freeze()  # excludes the imported modules from collections, which saves a tenth of a second each
 atexit.register(gc.unfreeze)  # otherwise OpenImageIO lists its objects on standard error, as if they had leaked
 gc.enable()
-
-EXIT_REFUSED = 3
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -87,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options.token = options.token or value_of("RAYFARM_TOKEN")
         options.redis = with_password(options.redis or value_of("RAYFARM_REDIS_URL"), value_of("RAYFARM_REDIS_PASSWORD")) or None
-        return _run_worker(options)
+        return _run_worker(options, arguments)
     except (WorkerError, VariableError) as error:
         if uses_json():
             logging.getLogger("worker").error("%s", error)
@@ -96,17 +98,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_REFUSED
 
 
-def _run_worker(options: argparse.Namespace) -> int:
+def _run_worker(options: argparse.Namespace, arguments: Sequence[str] | None) -> int:
     tail, lines = logs.set_up()
     health_file.write_state(WorkerState.STARTING)
     blender = _check_settings(options)
-    cards, cards_unused = _choose_cards(options)
+    link = Link(options.service, options.token)
+    cards, cards_unused = _choose_cards(options, link)
+    if options.paired and options.gpu == "auto" and not cards:
+        return EXIT_NO_CARDS
     log = logging.getLogger("worker")
     stopping: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopping.append(number))
     signal.signal(signal.SIGINT, lambda number, _: stopping.append(number))
 
-    link = Link(options.service, options.token)
     host = socket.gethostname()
     kind = jit.kind()
     started = time.time()
@@ -129,6 +133,7 @@ def _run_worker(options: argparse.Namespace) -> int:
     cache.check()
     confined, is_whole = confinement()
     log.log(logging.INFO if is_whole else logging.WARNING, confined)
+    cards_worker = _cards_worker(options, arguments, joined.name)
     worker = WorkerContext(
         name=joined.name,
         slots=options.slots,
@@ -143,6 +148,7 @@ def _run_worker(options: argparse.Namespace) -> int:
         cards=cards,
         cards_unused=cards_unused,
         is_beside_cpu=options.paired,
+        cards_worker=cards_worker,
         keeping=TermsKeeper(options.slots, _tags(options, host, kind), _command_line_terms(options)),
         pieces=_create_pieces(log),
         is_over_https=joined.relay is not None,
@@ -154,10 +160,30 @@ def _run_worker(options: argparse.Namespace) -> int:
     way = " over HTTPS" if joined.relay is not None else ""
     log.info("%s: %d slots for %s%s", joined.name, options.slots, options.service, way)
     try:
-        return app.run(worker)
+        code = app.run(worker)
+        return EXIT_REFUSED if worker.is_refused else code
     finally:
+        if cards_worker is not None:
+            cards_worker.stop()
+            cards_worker.wait()
         if joined.relay is not None:
             joined.relay.stop()
+
+
+def _cards_worker(options: argparse.Namespace, arguments: Sequence[str] | None, name: str) -> CardsWorker | None:
+    """Returns the second worker, which renders with graphics cards; None if there is none beside this one.
+
+    name: of this worker.
+    """
+    if options.paired or options.gpu in ("none", "only") or (options.gpu == "auto" and not has_driver()):
+        return None
+
+    def fail() -> None:
+        context.current().is_refused = True
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    given = sys.argv[1:] if arguments is None else arguments
+    return CardsWorker(options.gpu, given, f"{name}-gpu", options.token, fail)
 
 
 def _create_pieces(log: logging.Logger) -> Pieces | None:
@@ -173,11 +199,16 @@ def _options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--token", default="", help="the farm's token; $RAYFARM_TOKEN, or the file $RAYFARM_TOKEN_FILE")
     parser.add_argument("--slots", type=_positive, default=os.cpu_count() or 1, help="batches rendered at a time")
-    parser.add_argument("--gpu", default="none", help=f"NVIDIA cards to render with, a slot each: {CHOICES}; {NOT_YET_TRIED}")
+    parser.add_argument(
+        "--gpu",
+        default="auto",
+        help=f"NVIDIA cards that render, in a slot each of a second worker NAME-gpu: {CHOICES}; auto: those that pass the "
+        f"self-test; only: all, in this process and without cores; {NOT_YET_TRIED}",
+    )
     parser.add_argument(
         "--paired",
         action="store_true",
-        help="a second worker on this machine uses the cards, or with --gpu the cores",
+        help="another worker on this machine renders with the cores, and this one with the cards of --gpu",
     )
     parser.add_argument(
         "--transport",
@@ -204,7 +235,10 @@ def _options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--idle", type=float, default=0.0, help="minutes without activity of a user before it renders")
     parser.add_argument("--nice", type=int, default=None, help="Unix niceness, 0 to 19: higher yields more to other programs")
     parser.add_argument("--memory", type=float, default=0.0, help="GB of memory to use (default: all)")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    if _renders_with_cards(options) and options.paired:
+        options.blender = None  # the worker with the cores opens files
+    return options
 
 
 def _transport(options: argparse.Namespace) -> str:
@@ -263,21 +297,30 @@ def _check_settings(options: argparse.Namespace) -> Blender | None:
     return _inspect_blender(options.blender) if options.blender is not None else None
 
 
-def _choose_cards(options: argparse.Namespace) -> tuple[tuple[Card, ...], tuple[str, ...]]:
-    """Returns the graphics cards to use, and for each other card a sentence on why it is not used.
+def _choose_cards(options: argparse.Namespace, link: Link) -> tuple[tuple[Card, ...], tuple[str, ...]]:
+    """Returns the graphics cards that this process's slots use, and for each other card a sentence on why it is not used.
 
-    Sets `options.slots` to the number of cards if there are any. Raises RefusedError if a requested card is missing or cannot
-    be used.
+    Tests the cards. Sets `options.slots` to the number of cards if there are any. Raises RefusedError if a requested card is
+    missing, cannot be used, or fails the self-test.
     """
-    if options.gpu == "none" and (options.paired or not has_nvidia_hardware()):
-        return (), ()
+    if not _renders_with_cards(options):
+        is_searched = options.gpu == "none" and not options.paired and has_nvidia_hardware()
+        return (), tuple(reasons_unused(find_cards_before_fork(), ())) if is_searched else ()
     found = find_cards_before_fork()
     try:
-        cards, _ = chosen_cards(options.gpu, found)
+        chosen, _ = chosen_cards(options.gpu, found)
     except CardsError as error:
         raise RefusedError(str(error)) from None
-    options.slots = len(cards) or options.slots
-    return tuple(cards), tuple(reasons_unused(found, cards))
+    passed, failures = check_cards(link, chosen)
+    if failures and options.gpu != "auto":
+        raise RefusedError(f"--gpu {options.gpu}: {' '.join(failures)}")
+    options.slots = len(passed) or options.slots
+    return tuple(passed), (*reasons_unused(found, chosen), *failures)
+
+
+def _renders_with_cards(options: argparse.Namespace) -> bool:
+    """Returns True if the slots of this process render with graphics cards."""
+    return bool(options.gpu == "only" or (options.paired and options.gpu != "none"))
 
 
 def _inspect_blender(named: str) -> Blender:

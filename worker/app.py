@@ -124,5 +124,7 @@ def _on_slot_end(**_: Any) -> None:
 def _on_shutdown(how: str = "", **_: Any) -> None:
     """Receives Celery's signal. how: its name of the kind of shutdown, Warm or Cold."""
     signal.alarm(SHUTDOWN_S)
+    if (cards_worker := context.current().cards_worker) is not None:
+        cards_worker.stop()
     if uses_json():
         logging.getLogger("worker").info("%s shutdown", how)

@@ -113,6 +113,8 @@ class Heartbeat(bootsteps.StartStopStep):
     def beat(self) -> None:
         """Sends the report, resets the watchdog, applies required run-time settings, and checks that queued tasks arrive."""
         health_file.write_state(WorkerState.WORKING)
+        if self.worker.cards_worker is not None:
+            self.worker.cards_worker.check()
         heard = self.telling.receive()  # on a slow line, the reply to an earlier beat
         self._send_report()
         if (heard := self.telling.receive(REPLY_WAIT_S) or heard) is not None:

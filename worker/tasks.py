@@ -16,6 +16,7 @@ from protocol.card import RENDER_ON_CARD, CardBatches
 from protocol.contract import (
     DENOISE,
     ENVIRONMENT,
+    PATH_GUIDE,
     PREPARE,
     PREPARE_FRAMES,
     RENDER_BATCH,
@@ -44,7 +45,7 @@ from worker.telemetry.batch_warnings import step
 from worker.telemetry.task_context import Steps, message_ids, traced_task
 from worker.work.deaths import DEATHS_ALLOWED, count_deaths, is_redelivered, reset_deaths
 from worker.work.denoise_view import denoise_view
-from worker.work.derived_artifacts import DENOISING, ENVIRONMENTS, MOTION_VECTORS
+from worker.work.derived_artifacts import DENOISING, ENVIRONMENTS, MOTION_VECTORS, PATH_GUIDES
 from worker.work.explain import explain_pixel, send_answer
 from worker.work.frames import prepare_frames
 from worker.work.joint_render import remaining_pieces, render_waiting_piece, share_pieces
@@ -81,6 +82,7 @@ def register(app: Celery) -> None:
         VIEW_FRAME: (_view_frame, "view frame"),
         DENOISE_VIEW: (_denoise_view, "denoise view"),
         ENVIRONMENT: (ENVIRONMENTS, "environment"),
+        PATH_GUIDE: (PATH_GUIDES, "path guide"),
         EXPLAIN: (_explain, "explain"),
     }
     for name, (task, span) in tasks.items():

@@ -15,6 +15,7 @@ import typer
 from rayfarm.blender import Program, Wanted, program_for
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
+from rayfarm.graphics_card import WorkerCards, slot_count
 from rayfarm.log_format import LogFormat, use_log_format
 from rayfarm.machine import StopSignals, cores, has_screen
 
@@ -40,6 +41,7 @@ def up(
     workers: Annotated[
         int | None, typer.Option("--workers", "--slots", min=0, help="Worker slots; by default one per core. 0: none here.")
     ] = None,
+    gpu: WorkerCards = "auto",
     data: Annotated[
         Path | None,
         typer.Option(
@@ -87,6 +89,7 @@ def up(
     signals = StopSignals()
     folder = data.expanduser().resolve() if data else default_data_folder()
     slots = cores() if workers is None else workers
+    slot_count(gpu, slots)
     begun = time.monotonic()
 
     def print_progress(sentence: str) -> None:
@@ -103,6 +106,7 @@ def up(
             allow_host or (),
             tls,
             program_for(blender, blender_program, print_progress),
+            gpu,
         )
         try:
             farm.start(signals.stop)

@@ -1,8 +1,7 @@
-"""`rayfarm worker`: renders for a farm with the cores of this machine."""
+"""`rayfarm worker`: renders for a farm with the cores and the graphics cards of this machine."""
 
 from __future__ import annotations
 
-import socket
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -12,11 +11,11 @@ import typer
 from rayfarm.blender import Program, Wanted, program_for
 from rayfarm.console import err
 from rayfarm.errors import CommandError
+from rayfarm.graphics_card import WorkerCards, slot_count
 from rayfarm.joining import farm_address, run, token_to_send
 from rayfarm.local import early
 from rayfarm.log_format import LogFormat, use_log_format
 from rayfarm.machine import cores
-from renderer.cuda.cards import NOT_YET_TRIED, CardsError, chosen_cards, find_cards
 
 __all__ = ["register"]
 
@@ -58,14 +57,7 @@ def worker(
         ),
     ] = Transport.AUTO,
     slots: Annotated[int | None, typer.Option(min=1, help="Batches rendered at a time; by default one per core.")] = None,
-    gpu: Annotated[
-        str,
-        typer.Option(
-            metavar="CARDS",
-            help="NVIDIA cards that render, in a slot each of a second worker NAME-gpu: none, all, or numbers such as 0,1; only: "
-            f"all of them, and no cores. {NOT_YET_TRIED.capitalize()}.",
-        ),
-    ] = "none",
+    gpu: WorkerCards = "auto",
     name: Annotated[str | None, typer.Option(help="The worker's name; by default this machine's host name.")] = None,
     tag: Annotated[
         list[str] | None,
@@ -107,7 +99,7 @@ def worker(
     blender_program: Program = None,
     log_format: LogFormat = None,
 ) -> None:
-    """Join a farm: render its batches with this machine's cores until Ctrl-C.
+    """Join a farm: render its batches with this machine's cores and NVIDIA cards until Ctrl-C.
 
     The machine needs network access to the farm's page, but no shared folder. Where it does not reach the farm's Redis, all
     goes over HTTPS through the farm's address. It may join and leave at any time, and waits while the farm is down. If there is
@@ -128,30 +120,15 @@ def worker(
         raise CommandError("Give the farm's address once: `rayfarm worker https://farm.example`, or with --join.")
     join = farm_address(farm or join or "")
     token = token_to_send("A worker", token, token_file)
-    count = _slots(gpu, slots or cores())
+    count = slot_count(gpu, slots or cores())
     arguments = ["--service", join, "--slots", str(slots or cores())]
     said = {"transport": transport.value, "hours": hours, "idle": idle or None, "nice": nice, "memory": memory or None}
     arguments += [f"--{option}={value}" for option, value in said.items() if value is not None and value != ""]
     arguments += [f"--tag={each}" for each in tag or ()]
     arguments += [f"--site={site}"] if site else []
-    cards = {}
-    if gpu not in ("none", "only"):  # a worker of its own, as its batches are of another size
-        cards["worker-gpu"] = [*arguments, f"--gpu={gpu}", "--paired", "--name", f"{name or socket.gethostname()}-gpu"]
-        arguments.append("--paired")
-    arguments.append(f"--gpu={gpu if gpu == 'only' else 'none'}")
+    arguments.append(f"--gpu={gpu}")
     arguments += ["--name", name] if name else []
     if (program := program_for(blender, blender_program, lambda text: err.print(text, markup=False, soft_wrap=True))) is not None:
         arguments.append(f"--blender={program}")
     sentence = f"Joining {join} with {count} slots. Ctrl-C leaves the farm."
-    run("worker", early.waiting_command(early.WORKER), token, sentence, arguments, early.take_process(early.WORKER), cards)
-
-
-def _slots(gpu: str, cpu_slots: int) -> int:
-    """Returns the number of slots: one per graphics card, plus one per CPU slot unless `gpu` is "only". Raises CommandError."""
-    if gpu == "none":
-        return cpu_slots
-    try:
-        cards, with_cpu = chosen_cards(gpu, find_cards())
-    except CardsError as error:
-        raise CommandError(str(error)) from None
-    return len(cards) + (cpu_slots if with_cpu else 0)
+    run("worker", early.waiting_command(early.WORKER), token, sentence, arguments, early.take_process(early.WORKER))

@@ -55,7 +55,7 @@ def rendered_here(
         for number in numbers:
             compiled, summary = stage.scene_at(_moment(request, number))
             wanted = replace(settings(summary), view=request.views[number], views=())
-            if not is_loaded:
+            if not is_loaded or wanted.guiding != "off":  # each view has a guide of its own, which may need no kernel for guides
                 load_kernels(wanted, compiled, Clock(), card)
                 is_loaded = True
             count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])

@@ -68,10 +68,16 @@ def _compiler() -> Finding:
 def _cards() -> Iterator[Finding]:
     """Lists the graphics cards: a fault of the driver is a note, since a newer driver mends it; an unsuitable card is not."""
     from renderer.cuda.cards import NOT_YET_TRIED, described, find_cards, has_nvidia_hardware
+    from renderer.cuda.verdicts import failure_of, kernels_with_verdicts
 
     cards = find_cards()
     for card in cards.usable:
-        yield fine("Card", f"Card {described(card)}; used only if you give --gpu ({NOT_YET_TRIED}).")
+        if reason := failure_of(card):
+            yield note_finding("Card", reason, "A newer driver may mend it; `python -m renderer.self_test` tests it again.")
+            continue
+        tested = kernels_with_verdicts(card)
+        state = f"passed the self-test of the kernels {', '.join(tested)}" if tested else "a worker tests it before it uses it"
+        yield fine("Card", f"Card {described(card)}; {state} ({NOT_YET_TRIED}).")
     for reason in cards.refused:
         code = getattr(reason, "code", "")
         by_driver = code in ("cards-driver-too-old", "cards-driver-not-started") or (

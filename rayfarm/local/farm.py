@@ -49,7 +49,7 @@ class LocalFarm:
     """A farm on this machine with one data folder. The caller must hold `state.locked(data)`.
 
     port: 0: any free one. slots: 0: no worker. say: called with sentences about events. names: further host names of the service.
-    tls: enables HTTPS. blender: program with which the worker opens .blend files.
+    tls: enables HTTPS. blender: program with which the worker opens .blend files. gpu: the worker's option --gpu.
     """
 
     def __init__(
@@ -62,6 +62,7 @@ class LocalFarm:
         names: Sequence[str] = (),
         tls: Tls | None = None,
         blender: str | None = None,
+        gpu: str = "auto",
     ) -> None:
         self.data = data
         self.host = host
@@ -69,6 +70,7 @@ class LocalFarm:
         self.tls = tls
         self.slots = slots
         self.blender = blender
+        self.gpu = gpu
         self.secrets = secrets_of(data)
         self.port = port or free_port(host)
         if port and not _is_free(host, port):
@@ -146,7 +148,7 @@ class LocalFarm:
         self._start(service)
         if self.slots:
             # The token is passed in the environment, since command lines are visible to all users.
-            options = ["--service", self.url, "--slots", str(self.slots)]
+            options = ["--service", self.url, "--slots", str(self.slots), f"--gpu={self.gpu}"]
             options += [f"--blender={self.blender}"] if self.blender is not None else []
             worker = Part(
                 "worker",

@@ -44,7 +44,7 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "links": len(scene.object_links) > 0,
         "pivots": len(scene.pivot) > 0,
         "grids": len(scene.volume) > 0,
-        "hair": "hair" in parts or "huang" in parts,
+        "hair": "hair" in parts or "huang" in parts or bool(flags & rows.FLAT_CURVES),
         "huang": "huang" in parts,
         "visibility": len(scene.bvh.ray_roots) > 2,
         "reflections": bool(flags & rows.REFLECTIONS),
@@ -57,7 +57,8 @@ def moving_variant(scene: CompiledScene) -> str:
     """Returns the variant for kernels that only need what rays hit, at any time: with curves if the scene may have some."""
     if rows.HUANG in scene.material_kind:
         return "moving-huang"
-    return "moving-hair" if rows.HAIR in scene.material_kind else "moving"
+    has_curves = rows.HAIR in scene.material_kind or bool((scene.material_flags & rows.FLAT_CURVES).any())
+    return "moving-hair" if has_curves else "moving"
 
 
 def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = False, paths: bool = False) -> CompiledScene:

@@ -169,6 +169,7 @@ HOLDOUT = 262144  # before a transparent background, cuts a hole into the pictur
 CATCHER = 524288  # before a transparent background, shows the shadows on it alone
 FROM_DIFFUSE, FROM_GLOSSY, FROM_TRANSMISSION, FROM_VOLUME = 1048576, 2097152, 4194304, 8388608  # invisible to such rays
 REFLECTIONS = 16777216  # before a transparent background, shows the reflections on it alone
+FLAT_CURVES = 33554432  # curves of it are flat, and face each ray
 CATCHES = CATCHER | REFLECTIONS
 TRANSPARENT = MASKED | BLENDED
 UNSEEN_BY = (UNSEEN, SHADELESS, FROM_DIFFUSE, FROM_GLOSSY, FROM_TRANSMISSION, FROM_VOLUME)  # by kind (RAY_KINDS)

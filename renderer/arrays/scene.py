@@ -17,6 +17,7 @@ from renderer.arrays.rows import (
     ABOVE,
     COLUMNS,
     ENCODING,
+    FLAT_CURVES,
     HAIR,
     HUANG,
     LIGHT_ROOT_BIT,
@@ -394,9 +395,10 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     if int(children.max(initial=0)) >= lengths["N"] or not (leaves >> 2 < beyond).all():
         raise SceneError("the BVH points outside its nodes")
     if (leaves & LEAF_KIND == CURVES).any() and not (
-        np.isin(arrays["material_kind"], (HAIR, HUANG)).any() and len(arrays["tangent"])
+        (np.isin(arrays["material_kind"], (HAIR, HUANG)) | (arrays["material_flags"] & FLAT_CURVES != 0)).any()
+        and len(arrays["tangent"])
     ):
-        raise SceneError("the BVH has curves, which only scenes with hair and tangents may have")
+        raise SceneError("the BVH has curves, which only scenes with hair or flat curves, and with tangents, may have")
     numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
     if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:
         raise SceneError("the BVH refers to a missing primitive")

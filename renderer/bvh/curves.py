@@ -1,9 +1,10 @@
-"""Segments of round curves: cones with spherical ends, swept by a sphere whose radius changes linearly from one end to the other.
+"""Segments of round curves: cones with spheres at the joints, as swept by a sphere whose radius changes linearly along them.
 
 Consecutive segments share a point and its radius, so they have the same sphere there and no ray passes between them. Only rays
 that enter a segment hit it: a ray that starts inside, such as one that a fibre transmits, leaves it freely. Nor does it hit the
 spheres within the fibre: at a joint, a sphere ends at a plane across the axis, beyond which it is inside the next segment
-(`reach` in curve_ends.py). At a loose end, where the radius is stored as negative, the whole sphere counts.
+(`reach` in curve_ends.py). At a loose end, where the radius is stored as negative, there is no sphere: curves are open, as are
+those of Embree and pbrt, and as long as their file says.
 
 A ray enters a convex body once. If that is not where the cone touches the spheres' common tangents, it is on one of the spheres.
 After Quilez, "Rounded cone - intersection" (2016); Reshetov & Luebke, "Phantom Ray-Hair Intersector" (2018) for moving the ray's
@@ -47,9 +48,9 @@ def _dot(a, b):
 def _sphere_entry(a, radius, d, outward, reach, nowhere):
     """Returns (distance at which a ray enters the sphere at an end of a segment, whether the sphere is visible there).
 
-    The distance is `nowhere` if the ray misses it. a: the centre, relative to the ray's origin. radius: negative at a loose end.
-    d: the ray's unit direction. outward: the axis, towards this end. reach: times the radius, how far along it the sphere is
-    visible.
+    The distance is `nowhere` if the ray misses it. a: the centre, relative to the ray's origin. radius: negative at a loose end,
+    whose sphere is not visible. d: the ray's unit direction. outward: the axis, towards this end. reach: times the radius, how
+    far along it the sphere is visible.
     """
     zero = splat_like(radius, _ZERO)
     t = _dot(a, d)
@@ -57,7 +58,7 @@ def _sphere_entry(a, radius, d, outward, reach, nowhere):
     rest = radius * radius - (x * x + y * y + z * z)
     step = sqrt(maximum(rest, zero))
     beyond = outward[0] * x + outward[1] * y + outward[2] * z - step * _dot(outward, d)
-    return select(less_equal(zero, rest), t - step, nowhere), less_equal(beyond, reach * radius) | less(radius, zero)
+    return select(less_equal(zero, rest), t - step, nowhere), less_equal(beyond, reach * radius) & less(zero, radius)
 
 
 @device

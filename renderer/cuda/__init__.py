@@ -4,6 +4,7 @@ The kernel is in renderer/kernel/backends/cuda.
 
 driver.py     NVIDIA's driver through ctypes
 cards.py      which graphics cards can render, and why others cannot
+verdicts.py   runs the self-test (renderer/self_test), and keeps its results
 job.py        the kernel's argument: its type, and its bytes
 artefacts.py  the kernels' PTX in the cache
 render.py     renders batches on a graphics card

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import re
 import subprocess
@@ -22,15 +23,19 @@ __all__ = [
     "NOT_YET_TRIED",
     "Cards",
     "CardsError",
+    "cards_from_search",
     "chosen_cards",
     "described",
     "find_cards",
     "find_cards_before_fork",
+    "has_driver",
     "has_nvidia_hardware",
     "reasons_unused",
+    "search_command",
+    "unused_card",
 ]
 
-CHOICES = "none, all, only, or numbers such as 0,1"
+CHOICES = "auto, none, all, only, or numbers such as 0,1"
 NOT_YET_TRIED = "not yet tested on a GPU in this version"
 _NUMBERS = re.compile(r"\d+(,\d+)*", re.ASCII)
 _DRIVER_FILES = ("/proc/driver/nvidia", "/dev/nvidiactl", "/dev/dxg")  # the last: Windows' subsystem for Linux
@@ -72,13 +77,23 @@ def find_cards(library: str = LIBRARY) -> Cards:
 
 def find_cards_before_fork() -> Cards:
     """Finds the graphics cards of this machine in a separate process, so that this process can still fork."""
-    found = subprocess.run([sys.executable, "-m", "renderer.cuda.cards"], capture_output=True, text=True, check=False)
-    if found.returncode:
-        reason = (found.stderr.strip().splitlines() or [f"exit code {found.returncode}"])[-1]
+    found = subprocess.run(search_command(), capture_output=True, text=True, check=False)
+    return cards_from_search(found.returncode, found.stdout, found.stderr)
+
+
+def search_command() -> list[str]:
+    """Returns the command line of a process that searches for graphics cards."""
+    return [sys.executable, "-m", "renderer.cuda.cards"]
+
+
+def cards_from_search(code: int, out: str, err: str) -> Cards:
+    """Returns the graphics cards that a process of `search_command` found, from its exit code and its output."""
+    if code:
+        reason = (err.strip().splitlines() or [f"exit code {code}"])[-1]
         return Cards(
             [], [Sentence("cards-search-failed", "No graphics card is used: the search failed: {reason}.", reason=reason)]
         )
-    usable, refused = json.loads(found.stdout)
+    usable, refused = json.loads(out)
     cards = [Card(number, name, (major, minor), *rest) for number, name, (major, minor), *rest in usable]
     return Cards(cards, [from_text(each) for each in refused])
 
@@ -93,6 +108,15 @@ def has_nvidia_hardware(root: Path = Path("/")) -> bool:
     )
 
 
+def has_driver(library: str = LIBRARY) -> bool:
+    """Returns True if the driver's library can be loaded; does not initialise it, so that this process can still fork."""
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
 def described(card: Card) -> str:
     """Returns a text with a graphics card's number, name, memory and compute capability."""
     return f"{card.number}: {card.name}, {_gibibytes(card)} GiB, compute capability {_version(card.capability)}"
@@ -101,10 +125,12 @@ def described(card: Card) -> str:
 def chosen_cards(choice: str, cards: Cards) -> tuple[list[Card], bool]:
     """Returns (the graphics cards to use for an option `--gpu`, whether the CPU renders too).
 
-    choice: one of CHOICES. Raises CardsError if a requested card cannot be used.
+    choice: one of CHOICES; auto: the usable cards, if there are any. Raises CardsError if a requested card cannot be used.
     """
     if choice == "none":
         return [], True
+    if choice == "auto":
+        return cards.usable, True
     if choice in ("all", "only"):
         if not cards.usable:
             raise CardsError(f"--gpu {choice}: {' '.join(cards.refused)} Leave out --gpu to render with the processor.")
@@ -137,6 +163,19 @@ def reasons_unused(cards: Cards, used: Iterable[Card]) -> list[str]:
         if card.number not in numbers
     ]
     return [*unchosen, *cards.refused]
+
+
+def unused_card(card: Card, reason: str) -> str:
+    """Returns the sentence that a card is not used. reason: the end of the sentence, without a full stop."""
+    return Sentence(
+        "card-unused",
+        "Card {number}: {name}, {memory} GiB, compute capability {capability} is not used: {reason}.",
+        number=card.number,
+        name=card.name,
+        memory=_gibibytes(card),
+        capability=_version(card.capability),
+        reason=reason,
+    )
 
 
 def _gibibytes(card: Card) -> int:

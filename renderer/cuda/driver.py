@@ -7,7 +7,9 @@ but only by one at a time.
 from __future__ import annotations
 
 import ctypes
+import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -20,6 +22,8 @@ _MAJOR, _MINOR, _PROCESSORS = 75, 76, 16  # CU_DEVICE_ATTRIBUTE_...
 _LOG, _LOG_BYTES = 5, 6  # CU_JIT_ERROR_LOG_BUFFER and its size
 _LOG_SIZE = 8192
 _NAME_SIZE = 256
+_UUID_SIZE = 16
+_MODULE_FILE = "/proc/driver/nvidia/version"  # missing in Windows' subsystem for Linux
 _Pointer = ctypes.c_uint64  # CUdeviceptr
 Kernel = ctypes.c_void_p  # CUfunction
 
@@ -43,6 +47,8 @@ class Card(NamedTuple):
     capability: tuple[int, int]
     memory: int  # bytes
     processors: int  # streaming multiprocessors
+    uuid: str = ""
+    driver: str = ""  # the driver's version, with the newest version of CUDA that it supports
 
 
 class Driver:
@@ -84,7 +90,8 @@ class Driver:
         """Returns all graphics cards, whatever their compute capability, in the driver's order."""
         count = ctypes.c_int()
         self.call("cuDeviceGetCount", ctypes.byref(count))
-        return [self._card(number) for number in range(count.value)]
+        driver = f"{_module_version()} (CUDA {'.'.join(map(str, self.version()))})"
+        return [self._card(number, driver) for number in range(count.value)]
 
     def handle(self, number: int) -> ctypes.c_int:
         """Returns the driver's handle of the graphics card with this number."""
@@ -92,19 +99,30 @@ class Driver:
         self.call("cuDeviceGet", ctypes.byref(handle), ctypes.c_int(number))
         return handle
 
-    def _card(self, number: int) -> Card:
+    def _card(self, number: int, driver: str) -> Card:
         handle = self.handle(number)
         name = ctypes.create_string_buffer(_NAME_SIZE)
         self.call("cuDeviceGetName", name, ctypes.c_int(_NAME_SIZE), handle)
         memory = ctypes.c_size_t()
         self.call("cuDeviceTotalMem_v2", ctypes.byref(memory), handle)
         major, minor, processors = (self._attribute(which, handle) for which in (_MAJOR, _MINOR, _PROCESSORS))
-        return Card(number, name.value.decode(errors="replace"), (major, minor), memory.value, processors)
+        uuid = ctypes.create_string_buffer(_UUID_SIZE)
+        self.call("cuDeviceGetUuid", uuid, handle)
+        return Card(number, name.value.decode(errors="replace"), (major, minor), memory.value, processors, uuid.raw.hex(), driver)
 
     def _attribute(self, attribute: int, handle: ctypes.c_int) -> int:
         value = ctypes.c_int()
         self.call("cuDeviceGetAttribute", ctypes.byref(value), ctypes.c_int(attribute), handle)
         return value.value
+
+
+def _module_version() -> str:
+    """Returns the version of NVIDIA's kernel module, which is that of the driver; "?" if it is unknown."""
+    try:
+        found = re.search(r"\b\d+\.\d+(?:\.\d+)?\b", Path(_MODULE_FILE).read_text())
+    except (OSError, UnicodeError):
+        found = None
+    return found[0] if found else "?"
 
 
 class Device:

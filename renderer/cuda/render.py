@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+import time
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -55,11 +56,13 @@ class Rendered(NamedTuple):
 class CardRenderer:
     """Renders batches on a graphics card; keeps the loaded kernels, and the arrays of the last scene, in its memory.
 
-    Used by one thread at a time; must be closed.
+    Used by one thread at a time; must be closed. seconds: for measurements: each launch is waited for, and its time is added
+    to its kernel's.
     """
 
-    def __init__(self, card: Card, library: str = LIBRARY) -> None:
+    def __init__(self, card: Card, library: str = LIBRARY, seconds: dict[str, float] | None = None) -> None:
         self.card = card
+        self._seconds = seconds
         self._device = Device(Driver(library), card.number)
         self._kernels: dict[str, tuple[dict[str, Kernel], int]] = {}  # of a variant: its kernels by name, and their wave's size
         # The arrays in the card's memory by their place in the CPU's. They are kept, so that no other array takes their place.
@@ -206,7 +209,11 @@ class CardRenderer:
         kernels, size = self._loaded(variant)
         if len(data) != size:
             raise AssertionError(f"a wave has {len(data)} bytes, and its kernels take {size}")
+        begun = time.perf_counter()
         self._device.launch(kernels[kernel], -(-threads // THREADS), THREADS, [data, threads.to_bytes(8, "little")])
+        if self._seconds is not None:
+            self._device.synchronize()
+            self._seconds[kernel] = self._seconds.get(kernel, 0.0) + time.perf_counter() - begun
 
     def _rendered(self, own: dict[int, int], wave: Wave) -> Rendered:
         """Returns the results of the launched kernels, once they have ended. own: id -> address."""

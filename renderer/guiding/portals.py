@@ -53,6 +53,7 @@ _LEAST_SHRINK = 0.25  # of its radius
 _KEPT = 0.99  # of its segments, which the shrunk portal contains
 _FAR = 1e30
 _LEAST = 1e-30
+_BLOCKS = 8  # of segments, which are those of whole paths but at the blocks' ends
 _STRIDE = 16  # a grid's frame is measured from every 16th record
 
 
@@ -125,9 +126,10 @@ def learn_portals(segments: Segments) -> Guide | None:
     return portal_guide(frame, table, radiance.astype(np.float32))
 
 
-def moment_left(guide: Guide, segments: Segments) -> float:
-    """Returns the fraction that a guide leaves of the second moments at diffuse vertices, relative to their cube's light.
+def moment_left(guide: Guide, segments: Segments) -> tuple[float, float]:
+    """Returns (the fraction that a guide leaves of the second moments at diffuse vertices, the fraction's standard error).
 
+    The moments are relative to the light of each vertex's cube. The error is that of the jackknife, over blocks of segments.
     segments: not those from which the guide was learned.
     """
     cube, cubes = _cube_of(segments, guide.frame)
@@ -147,11 +149,16 @@ def moment_left(guide: Guide, segments: Segments) -> float:
     mixture = (1 - share) * lambertian + share * found / (2 * math.pi * np.maximum(total, _LEAST))
     part = _parts(segments, cube, cubes)
     if not part.any():
-        return 1.0
+        return 1.0, 0.0
     moments = np.stack((part * part / (segments.solid * lambertian), part * part / (segments.solid * mixture)))
     units, unit = integers(moments[0])
     after = np.ceil(np.minimum(moments[1] / unit, 2.0**21)).astype(np.int64)
-    return int(after.sum()) / max(int(units.sum()), 1)
+    block = np.arange(len(units)) * _BLOCKS // len(units)
+    kept, whole = sums(block, after, _BLOCKS), sums(block, units, _BLOCKS)
+    without = [int(kept.sum() - a) / max(int(whole.sum() - b), 1) for a, b in zip(kept, whole, strict=True)]
+    mean = sum(without) / _BLOCKS
+    variance = (_BLOCKS - 1) / _BLOCKS * sum((each - mean) * (each - mean) for each in without)
+    return int(kept.sum()) / max(int(whole.sum()), 1), math.sqrt(variance)
 
 
 def _dot(a: Floats, b: Floats) -> Any:

@@ -1,6 +1,7 @@
 """Meshes of curves, whose triangles (a, b, b) are segments of round curves (renderer/bvh/curves.py), as wide as their diameters.
 
-Kernels intersect such segments if the material is hair. With another material, and in previews, they become tubes of triangles.
+Kernels intersect such segments if the material is hair, or the curves are flat. Others, and those in previews, become tubes of
+triangles.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.description import F32, Material, Mesh, SceneDescription
+from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.frame_reuse import ShotCache
 
-__all__ = ["has_curves", "round_tubes", "with_tubes"]
+__all__ = ["flat_materials", "has_curves", "round_tubes", "with_tubes"]
 
 _SIDES = 6
 
@@ -68,14 +69,15 @@ def round_tubes(mesh: Mesh, sides: int = _SIDES) -> Mesh:
 
 
 def with_tubes(description: SceneDescription, shot_cache: ShotCache) -> SceneDescription:
-    """Returns the description with tubes for those instances of curves whose material is not hair, or emits light."""
+    """Returns the description with tubes for instances of curves that are neither hair nor flat, or that emit light."""
     places: dict[int, int] = {}
     meshes, instances = list(description.meshes), list(description.instances)
     for number, instance in enumerate(instances):
         mesh = description.meshes[instance.mesh]
         if mesh.diameters is None or not has_curves(mesh):
             continue
-        if _is_fibre(description.materials[mesh.material if instance.material is None else instance.material]):
+        material = description.materials[_material_of(description, instance)]
+        if not _emits(material) and (mesh.flat or material.kind == "hair"):
             continue
         if instance.mesh not in places:
             places[instance.mesh] = len(meshes)
@@ -91,5 +93,17 @@ def _inputs(mesh: Mesh) -> tuple[object, ...]:
     return mesh.positions, mesh.triangles, mesh.diameters, attributes, mesh.keys, mesh.material
 
 
-def _is_fibre(material: Material) -> bool:
-    return material.kind == "hair" and max(material.emission) == 0 and material.emission_texture is None
+def flat_materials(description: SceneDescription) -> frozenset[int]:
+    """Returns the numbers of the materials, other than hair, of curves that are flat and face each ray."""
+    if not any(mesh.flat for mesh in description.meshes):
+        return frozenset()
+    shown = {_material_of(description, each) for each in description.instances if description.meshes[each.mesh].flat}
+    return frozenset(k for k in shown if description.materials[k].kind != "hair" and not _emits(description.materials[k]))
+
+
+def _material_of(description: SceneDescription, instance: Instance) -> int:
+    return description.meshes[instance.mesh].material if instance.material is None else instance.material
+
+
+def _emits(material: Material) -> bool:
+    return max(material.emission) > 0 or material.emission_texture is not None

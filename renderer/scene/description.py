@@ -122,6 +122,7 @@ class Mesh:
     colors: F32 | None = None  # (V, 4) linear RGBA, multiplies the base colour
     tangents: F32 | None = None  # (V, 4) as in glTF, w is the bitangent's sign; None: computed from the UVs if needed
     diameters: F32 | None = None  # (V,) of the fibres around which it is a tube, with tangents along them; for hair
+    flat: bool = False  # whether its curves, unless they are hair, are flat and face each ray, as pbrt's of the type flat
     deforms: bool = False  # whether its vertices differ at another time
     keys: tuple[tuple[npt.NDArray[Any], F32 | None], ...] = ()  # positions and normals, as Instance.keys
 

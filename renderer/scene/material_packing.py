@@ -11,6 +11,7 @@ from renderer.bvh.layout import RAY_KINDS
 from renderer.errors import SceneError
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.luminance import luminance
+from renderer.scene.curve_meshes import flat_materials
 from renderer.scene.description import F32, I32, Material, SceneDescription
 from renderer.scene.material import PARAMETERS, check, derived_columns
 from renderer.scene.media import absorption, list_media
@@ -62,7 +63,7 @@ def pack(description: SceneDescription) -> Packed:
     for m in description.materials:
         check(m)
         _check_layers(m, description)
-    absorbing = absorption(description.materials)
+    absorbing, flat = absorption(description.materials), flat_materials(description)
     emissions = np.zeros((count, 3))
     textures = np.full((count, rows.SLOTS), -1, np.int32)
     emitted = np.zeros(count)
@@ -83,7 +84,8 @@ def pack(description: SceneDescription) -> Packed:
             emitted[i] *= 2
         kinds[i] = _kind(m)
         emissions[i] = emission
-        flags[i] = _flags(m, [row for row in textures[i].tolist() if row >= 0], texels, bool(absorbing[i].any()))
+        flags[i] = rows.FLAT_CURVES if i in flat else 0
+        flags[i] |= _flags(m, [row for row in textures[i].tolist() if row >= 0], texels, bool(absorbing[i].any()))
     columns = _columns(description.materials, emissions, absorbing)
     medium, material_medium = list_media(description)
     return Packed(kinds, flags, columns, textures, medium, material_medium, *texels.arrays(), texels.keys(), emitted)

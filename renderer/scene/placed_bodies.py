@@ -8,6 +8,7 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.scene.concatenate import Joined, join
+from renderer.scene.curve_meshes import flat_materials
 from renderer.scene.description import F32, I32, Mesh, SceneDescription
 from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.geometry import (
@@ -82,7 +83,13 @@ def place_geometry(description: SceneDescription, team: Team, shot_cache: ShotCa
     loose = build_per_frame(description, sharing, objects, team)
     packed = shot_cache.get_or_make(
         "packed",
-        lambda: (description.materials, description.medium, description.textures, [image.pixels for image in description.images]),
+        lambda: (
+            description.materials,
+            description.medium,
+            description.textures,
+            [image.pixels for image in description.images],
+            flat_materials(description),
+        ),
         lambda: pack(description),
         token,
     )

@@ -83,7 +83,7 @@ def placed(
         normal = _placed_normals(mesh.normals, transform, position, triangle, team)
     tangent = np.zeros((0, 4), np.float32)
     bent = [description.materials[m] for m in materials if needs_tangents(description.materials[m])]
-    if bent and mesh.tangents is not None and mesh.normals is not None:
+    if (bent or curves) and mesh.tangents is not None and mesh.normals is not None:
         tangent = _transform_tangents(mesh.tangents, transform, mirrors)
     elif bent:
         uvs = mesh.uvs1 if tangent_uv_set(description, bent[0]) else mesh.uvs
@@ -91,7 +91,7 @@ def placed(
         kept, triangle = split_mirrored(uv, triangle)
         vertex, normal = np.arange(len(position))[vertex][kept], normal[kept]
         tangent = vertex_tangents(position[vertex], normal, uv[kept], triangle)
-    if any(material.kind == "hair" for material in bent):
+    if curves or any(material.kind == "hair" for material in bent):
         tangent[:, 3] *= _placed_diameters(mesh, transform)[vertex]
     if curves:  # mirrored instances flip the sign; here, curves themselves are mirrored
         tangent[:, 3] = np.abs(tangent[:, 3])

@@ -292,7 +292,7 @@ def read_only_project(name: str) -> NotAllowed:
     return NotAllowed(
         Sentence(
             "project-read-only",
-            "You may view the project {name} but not change it. Ask who runs the farm.",
+            "You may view the project {name} but not change it. Ask the administrator of this farm.",
             name=repr(name),
         )
     )

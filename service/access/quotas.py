@@ -27,7 +27,7 @@ DAY_S = 86400.0
 RETRY_AFTER_S = 60.0  # seconds after which a caller with too many jobs may retry
 COUNT_TTL_S = 5.0  # age up to which a sum of bytes admits further jobs; counting them reads one size per job
 MAX_LIMIT = (1 << 63) - 1  # largest number that is reported or may be set
-ADVICE = "or ask who runs the farm for more"
+ADVICE = "or ask the administrator of this farm for more"
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class Quotas:
                         Sentence(
                             "quota-bytes-exceeded",
                             "{owner} uploads and films use {used} of {limit}, and this needs {more} more. Delete jobs "
-                            "or scenes, or ask who runs the farm for more.",
+                            "or scenes, or ask the administrator of this farm for more.",
                             owner=_possessive(whose),
                             used=_in_mb(used),
                             limit=_in_mb(limits.bytes),
@@ -144,8 +144,8 @@ class Quotas:
                         if added
                         else Sentence(
                             "quota-bytes-full",
-                            "{owner} uploads and films use {used} of {limit}. Delete jobs or scenes, or ask who runs "
-                            "the farm for more.",
+                            "{owner} uploads and films use {used} of {limit}. Delete jobs or scenes, or ask the "
+                            "administrator of this farm for more.",
                             owner=_possessive(whose),
                             used=_in_mb(used),
                             limit=_in_mb(limits.bytes),
@@ -166,7 +166,7 @@ class Quotas:
                     Sentence(
                         "quota-jobs-full",
                         "{owner} number of unfinished jobs is {count}; the limit is {limit}. Wait until one is "
-                        "finished, cancel one, or ask who runs the farm for more.",
+                        "finished, cancel one, or ask the administrator of this farm for more.",
                         owner=_possessive(whose),
                         count=count,
                         limit=limits.jobs,
@@ -180,7 +180,7 @@ class Quotas:
                         Sentence(
                             "quota-samples-exceeded",
                             "{owner} jobs of the last 24 hours used {used} of {limit} samples a day, and this needs "
-                            "{more} more. Ask for fewer, wait, or ask who runs the farm for more.",
+                            "{more} more. Ask for fewer, wait, or ask the administrator of this farm for more.",
                             owner=_possessive(whose),
                             used=f"{used:,}",
                             limit=f"{limits.samples_day:,}",
@@ -190,7 +190,7 @@ class Quotas:
                         else Sentence(
                             "quota-samples-full",
                             "{owner} jobs of the last 24 hours used {used} of {limit} samples a day. Ask for fewer, "
-                            "wait, or ask who runs the farm for more.",
+                            "wait, or ask the administrator of this farm for more.",
                             owner=_possessive(whose),
                             used=f"{used:,}",
                             limit=f"{limits.samples_day:,}",

@@ -216,7 +216,7 @@ def _access_problem(need: Need, caller: Caller | None) -> Problem | None:
         403,
         Sentence(
             "role-insufficient",
-            "This needs the role {needed}; {name} has the role {role}. Ask who runs the farm.",
+            "This needs the role {needed}; {name} has the role {role}. Ask the administrator of this farm.",
             needed=need.role.label,
             name=caller.name,
             role=has,

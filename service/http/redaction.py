@@ -14,6 +14,7 @@ RESOURCE_FIELDS: dict[str, Kind] = {
     "scene": "scene",
     "denoise": "job",
     "vectors": "job",
+    "path_guide": "job",
     "environment": "environment",
 }
 

@@ -47,7 +47,7 @@ def check_length(request: Request, farm: Farm, what: str, way_out: str = Sentenc
     if exceeds_limit(request.headers.get("content-length", ""), limit):
         sentence = Sentence(
             "upload-image-too-large",
-            "The {kind} is larger than the {most} bytes allowed. {advice}, or ask who runs the farm.",
+            "The {kind} is larger than the {most} bytes allowed. {advice}, or ask the administrator of this farm.",
             kind=what,
             most=limit,
             advice=way_out,

@@ -73,7 +73,8 @@ async def read_form(
                 raise TooLarge(
                     Sentence(
                         "upload-too-large",
-                        "The upload is larger than the {most} bytes allowed. Leave files out, or ask who runs the farm.",
+                        "The upload is larger than the {most} bytes allowed. Leave files out, or ask the administrator of "
+                        "this farm.",
                         most=max_bytes,
                     )
                 )

@@ -163,7 +163,7 @@ def _verify_password(name: str, password: str, farm: Farm, address: str) -> tupl
             429,
             Sentence(
                 "login-too-many-failures",
-                "Too many logins have failed. Try again in {minutes} min, or ask who runs the farm for a link.",
+                "Too many logins have failed. Try again in {minutes} min, or ask the administrator of this farm for a link.",
                 minutes=minutes,
             ),
             {"Retry-After": str(math.ceil(wait))},

@@ -343,6 +343,7 @@ class Engine:
                 shots, self._lifecycle.automatic_view, self._scheduler.frames_with_batches()
             ):
                 self._lifecycle.record(job)
+        self._artifact_tasks.path_guides.request_guides(self._scheduler.jobs, self._scheduler.job_queue.kind_for)
         self._artifact_tasks.fill_artifacts()
         with self._pace.measuring():
             self._answers.count_unread()

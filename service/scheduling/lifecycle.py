@@ -382,6 +382,7 @@ class Lifecycle:
         self._scheduler.withdraw(job)
         self._scheduler.jobs.pop(job.id, None)
         self._artifact_tasks.moments.discard_job(job.id)
+        self._artifact_tasks.path_guides.discard_job(job.id)
         self._logs.close(job.id)
         self._autos.pop(job.id, None)
         self._unpin_film(job.id)

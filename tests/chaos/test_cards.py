@@ -17,11 +17,15 @@ from typing import Any
 
 import httpx
 import numpy as np
+import psutil
 import pytest
 from websockets.sync.client import connect
 
 from renderer import film
 from renderer.child_processes import spawn_guard
+from renderer.cuda import verdicts
+from renderer.cuda.cards import cards_from_search, search_command
+from renderer.cuda.verdicts import START_KERNELS
 from renderer.image import rgbe9995
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
@@ -29,7 +33,7 @@ from renderer.scene.load import read
 from renderer.settings import RenderSettings
 from tests.chaos.test_digest import VIEW, digest_without_farm, submit
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
-from tests.renderer.cuda.on_host import fake_driver, shared_object
+from tests.renderer.cuda.on_host import fake_driver, shared_objects
 from tests.service.viewer import Viewer
 
 pytestmark = pytest.mark.long
@@ -39,10 +43,32 @@ SPP = 320
 
 @pytest.fixture(scope="module")
 def driver(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Returns environment variables with which a process finds the test's simulated graphics card."""
+    """Returns environment variables with which a process finds the test's simulated graphics card, which passes the self-test."""
     folder = tmp_path_factory.mktemp("driver")
     fake_driver(folder)
-    return {"LD_LIBRARY_PATH": str(folder), "FAKE_CUDA_KERNEL": str(shared_object("plain", folder))}
+    kernels = shared_objects((*START_KERNELS, "plain-paths"), folder / "kernels")
+    variables = {"LD_LIBRARY_PATH": str(folder), "FAKE_CUDA_KERNEL": str(kernels)}
+    test = [sys.executable, "-m", "renderer.self_test", *START_KERNELS, "plain-paths"]
+    subprocess.run(test, cwd=ROOT, env={**os.environ, **variables, "FAKE_CUDA_CARDS": "RTX Test:8:6:8192"}, check=True)
+    return variables
+
+
+@pytest.fixture(scope="module")
+def inexact_driver(driver: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
+    """Returns the variables of a driver whose card, another one, rounds twice in a stage; its verdicts are deleted at the end."""
+    kernels = shared_objects(START_KERNELS, tmp_path_factory.mktemp("inexact") / "kernels", unfused="scatter_conductor")
+    variables = {**driver, "FAKE_CUDA_KERNEL": str(kernels), "FAKE_CUDA_CARDS": "RTX Test:8:6:8192", "FAKE_CUDA_UUID": "7"}
+
+    def forget() -> None:
+        found = subprocess.run(
+            search_command(), cwd=ROOT, env={**os.environ, **variables}, capture_output=True, text=True, check=True
+        )
+        for card in cards_from_search(0, found.stdout, "").usable:
+            verdicts._path(card).unlink(missing_ok=True)
+
+    forget()
+    yield variables
+    forget()
 
 
 @pytest.fixture(scope="module")
@@ -96,9 +122,53 @@ def test_a_frame_of_cores_and_a_card_has_the_digest_of_the_cores(farm: Farm, dri
         assert f"{name}: " in log, log
 
 
-def test_light_paths_of_cores_and_a_card_have_the_digest_of_the_cores(farm: Farm, tmp_path: Path) -> None:
-    fake_driver(tmp_path)
-    driver = {"LD_LIBRARY_PATH": str(tmp_path), "FAKE_CUDA_KERNEL": str(shared_object("plain-paths", tmp_path))}
+def test_farm_uses_a_card_that_passes_the_self_test(tmp_path: Path, driver: dict[str, str], expected: str) -> None:
+    """`rayfarm up` without options starts a second worker for the card; a job of both has the digest of the cores."""
+    farm = start_farm(tmp_path / "data", 1, gpu="auto", FAKE_CUDA_CARDS="RTX Test:8:6:8192,GTX Test:6:1:4096", **driver)
+    try:
+        rows = lambda: {each["name"]: each for each in get(farm, "/api/workers").json()}  # noqa: E731
+        wait_until(lambda: any(row["cards"] and row["state"] == "ready" for row in rows().values()), 120, "the card is used")
+        first, second = sorted(rows())
+        assert second == f"{first}-gpu"
+        assert rows()[first]["cards"] == []
+        assert len(rows()[first]["cards_unused"]) == 1
+        assert "compute capability 6.1 is not used: Rayfarm needs" in rows()[first]["cards_unused"][0]
+        assert [card["number"] for card in rows()[second]["cards"]] == [0]
+        log = finish(farm, submit(farm, SPP, tile_size=16), expected)
+        assert f"{second}: " in log
+    finally:
+        stop_farm(farm)
+    assert not [each for each in psutil.process_iter(["cmdline"]) if f"--name={second}" in (each.info["cmdline"] or [])]
+
+
+def test_farm_leaves_out_a_card_that_computes_other_bits(tmp_path: Path, inexact_driver: dict[str, str], expected: str) -> None:
+    farm = start_farm(tmp_path / "data", 1, gpu="auto", **inexact_driver)
+    try:
+        (row,) = get(farm, "/api/workers").json()
+        job = submit(farm, SPP, tile_size=16)
+        unused = lambda: get(farm, "/api/workers").json()[0]["cards_unused"]  # noqa: E731
+        wait_until(lambda: "computed other bits in the self-test" in str(unused()), 240, "the reason is reported")
+        assert [each["name"] for each in get(farm, "/api/workers").json()] == [row["name"]]
+        finish(farm, job, expected)
+        environment = {**os.environ, **inexact_driver, "RAYFARM_TOKEN": farm.token}
+        options = [f"--join={farm.url}", "--slots=1", "--name=attic", "--gpu=all"]
+        for command in (["worker", *options], ["workers", f"--server={farm.url}"], ["doctor"]):
+            done = subprocess.run(
+                [sys.executable, "-m", "rayfarm", *command],
+                cwd=ROOT,
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            said = " ".join((done.stdout + done.stderr).split())
+            assert "is not used: it computed other bits in the self-test: " in said, said
+            assert done.returncode == int(command[0] == "worker"), said
+    finally:
+        stop_farm(farm)
+
+
+def test_light_paths_of_cores_and_a_card_have_the_digest_of_the_cores(farm: Farm, driver: dict[str, str]) -> None:
     with ExitStack() as ends:
         join(farm, ends, driver, 8192, "--paired")
         log = finish(farm, submit(farm, SPP, tile_size=16, light_paths="on"), digest_without_farm(SPP, light_paths="on"))

@@ -51,8 +51,11 @@ def test_few_scenes_have_no_search(page: Page) -> None:
 
 @pytest.mark.long
 def test_opened_example_has_its_shipped_picture_or_else_its_thumbnail(page: Page) -> None:
+    # Without the page's styles an icon is as wide as the page, and pictures far below the window are not loaded.
+    page.set_viewport_size({"width": 200, "height": 1200})
     picture = '<svg xmlns="http://www.w3.org/2000/svg" width="3" height="2"/>'
-    page.route("**/shipped.svg", lambda route: route.fulfill(content_type="image/svg+xml", body=picture))
+    for place in ("**/shipped.svg", "**/thumbnail*"):
+        page.route(place, lambda route: route.fulfill(content_type="image/svg+xml", body=picture))
     page.route("**/gone.jpg", lambda route: route.fulfill(status=404))
     for id, url in (("s1", "/shipped.svg"), ("s2", "/gone.jpg")):
         call(page, "news/example-pictures", "m.examplePictures.set(...a);", [id, url])

@@ -1,4 +1,4 @@
-"""Tests that the page detects dark pictures as renderer/image/darkness.py does."""
+"""Tests that the page detects dark pictures as renderer/image/darkness.py does, and of its automatic exposure."""
 
 from __future__ import annotations
 
@@ -18,8 +18,23 @@ def test_dark_film_is_detected_as_in_python(node: Node, scale: float) -> None:
         const { Film } = await read("/js/film/film.js");
         const film = new Film(50, 40, new Uint32Array(a));
         film.samples.fill(1);
-        return m.darkness(film);"""
+        return m.darkness(film.brightness());"""
     found, wanted = node.call("film/darkness", body, words.ravel().tolist()), darkness(rgbe9995.unpack(words))
     assert (found is None) == (wanted is None)
     if wanted is not None:
         assert found == {"brightest": pytest.approx(wanted.brightest, rel=1e-3), "exposure": wanted.exposure}
+
+
+@pytest.mark.parametrize(
+    ("white", "mean", "stops"),
+    [
+        (2.0, 0.3, 0),  # a lamp is seen, and the rest is well exposed
+        (1.0, 0.01, 1.5),  # a lamp in a dark room: brighter, but not without limit
+        (0.5, 0.02, 2.5),  # a low sun
+        (0.65, 0.35, 0.5),  # nothing is white
+        (0.0, 0.0, 0),  # black: no exposure helps
+        (2**-10, 2**-11, 10),
+    ],
+)
+def test_automatic_exposure_brightens_dark_and_dull_pictures(node: Node, white: float, mean: float, stops: float) -> None:
+    assert node.call("film/darkness", "return m.autoExposure(a);", {"white": white, "mean": mean}) == stops

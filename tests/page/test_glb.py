@@ -19,7 +19,7 @@ from renderer.scene.preview import Preview, preview
 from tests.page.node import Node
 
 READ = """
-    const known = m.readGlb(Uint8Array.from(atob(a.file), (c) => c.charCodeAt(0)).buffer, a.most ?? 300000);
+    const known = m.readGlb(Uint8Array.from(atob(a.file), (c) => c.charCodeAt(0)), a.most ?? 300000);
     if (!known) return null;
     const { packet, view, images } = known;
     const plain = Object.entries(packet).map(([name, value]) => [name, ArrayBuffer.isView(value) ? [...value] : value]);
@@ -27,7 +27,7 @@ READ = """
 
 
 def read_in_page(node: Node, data: bytes, most: int = 300_000) -> Any:
-    return node.call("news/glb-mesh", READ, {"file": base64.b64encode(data).decode(), "most": most})
+    return node.call("mesh/glb", READ, {"file": base64.b64encode(data).decode(), "most": most})
 
 
 def read_by_service(folder: Path, data: bytes) -> Preview:

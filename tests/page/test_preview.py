@@ -100,3 +100,9 @@ def test_kept_picture_serves_near_cameras(node: Node) -> None:
     assert (same, farthest) == (0, 1)
     assert 0 < near < far < 1
     assert node.call("scene/kept-picture", body, {"from": VIEW, "to": [{**VIEW, "projection": "panorama"}]}) == [1]
+    flat = {**VIEW, "projection": "orthographic", "height": 4.0}
+    same, zoomed, far = node.call(
+        "scene/kept-picture", body, {"from": flat, "to": [flat, {**flat, "height": 5.0}, {**flat, "height": 90.0}]}
+    )
+    assert (same, far) == (0, 1)
+    assert 0 < zoomed < 1

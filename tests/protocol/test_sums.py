@@ -57,6 +57,17 @@ def test_equal_planes_take_no_space() -> None:
     assert without < 3 * 4 * 35 + 9 * CHANNELS + 2 + 30
 
 
+def test_planes_that_are_left_out_are_packed_as_zero() -> None:
+    """Also of a part of larger sums, whose rows are not adjacent in memory."""
+    sums = np.random.default_rng(1).integers(-(1 << 40), 1 << 40, (CHANNELS, 9, 12))
+    sums[4] = sums[3]
+    part, wanted = sums[:, 2:7, 3:11], {0, 2, 4, CHANNELS - 1}
+    zeroed = np.zeros_like(part)
+    zeroed[sorted(wanted)] = part[sorted(wanted)]
+    assert pack_sums(part, planes=wanted) == pack_sums(zeroed)
+    assert pack_sums(part, planes=range(CHANNELS)) == pack_sums(part)
+
+
 def test_planes_missing_in_older_release_are_zero() -> None:
     sums = sums_of(5, [20] * CHANNELS)
     for packing in (1, 2):

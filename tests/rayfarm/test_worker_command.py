@@ -16,7 +16,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from rayfarm import joining
+from rayfarm import graphics_card, joining
 from rayfarm.commands import worker as worker_command
 from rayfarm.errors import CommandError
 from renderer.cuda.cards import Cards
@@ -129,57 +129,41 @@ def test_missing_card_gives_error(command: tuple[str, ...], tmp_path: Path) -> N
 def test_invalid_card_selection_gives_error() -> None:
     done = rayfarm("worker", "--join=127.0.0.1:9", "--token=t", "--gpu=first")
     assert done.returncode == 1
-    assert "--gpu is 'first'; give none, all, only, or numbers such as 0,1" in done.stderr.replace("\n", " ")
+    assert "--gpu is 'first'; give auto, none, all, only, or numbers such as 0,1" in done.stderr.replace("\n", " ")
 
 
-@pytest.mark.parametrize(
-    ("gpu", "cores", "cards"),
-    (
-        ("none", ["--gpu=none"], None),
-        ("only", ["--gpu=only"], None),
-        ("all", ["--paired", "--gpu=none"], ["--gpu=all", "--paired", "--name", "attic-gpu"]),
-        ("0", ["--paired", "--gpu=none"], ["--gpu=0", "--paired", "--name", "attic-gpu"]),
-    ),
-)
-def test_cards_are_a_second_worker(gpu: str, cores: list[str], cards: list[str] | None, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("gpu", "slots"), (("auto", 2), ("none", 2), ("only", 1), ("all", 3), ("0", 3)))
+def test_cards_option_is_passed_to_the_worker(gpu: str, slots: int, monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[Any] = []
     found = Cards([Card(0, "RTX Test", (8, 6), 8 << 30, 1)], [])
     monkeypatch.setattr(worker_command, "run", lambda *given: started.append(given))
-    monkeypatch.setattr(worker_command, "find_cards", lambda: found)
+    monkeypatch.setattr(graphics_card, "find_cards", lambda: found)
     monkeypatch.setattr(worker_command, "use_log_format", lambda format: None)
     app = typer.Typer()
     worker_command.register(app)
-    given = ["--join=127.0.0.1:9", "--token=t", "--slots=2", "--name=attic", "--nice=5", f"--gpu={gpu}"]
-    done = CliRunner().invoke(app, given)
+    given = ["--join=127.0.0.1:9", "--token=t", "--slots=2", "--name=attic", "--nice=5"]
+    done = CliRunner().invoke(app, given if gpu == "auto" else [*given, f"--gpu={gpu}"])
     assert done.exit_code == 0, done.output
-    ((_, _, _, sentence, arguments, _, more),) = started
+    ((_, _, _, sentence, arguments, _),) = started
     common = ["--service", "http://127.0.0.1:9", "--slots", "2", "--transport=auto", "--nice=5"]
-    assert arguments == [*common, *cores, "--name", "attic"]
-    assert more == ({} if cards is None else {"worker-gpu": [*common, *cards]})
-    for options in (arguments, *more.values()):
-        monkeypatch.setattr("sys.argv", ["worker", *options])
-        assert _options().slots == 2
-    assert f"with {3 if cards else 1 if gpu == 'only' else 2} slots" in sentence
+    assert arguments == [*common, f"--gpu={gpu}", "--name", "attic"]
+    monkeypatch.setattr("sys.argv", ["worker", *arguments])
+    assert (_options().slots, _options().gpu) == (2, gpu)
+    assert f"with {slots} slots" in sentence
 
 
-def test_failed_process_ends_others_and_its_message_is_shown(
+def test_refused_process_ends_the_command_with_its_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """If one process of a command fails, the others are ended, and the command prints the failed process's error message.
-
-    In the test, the first process waits for ever, and the second ends with an exit code for which the command tries no restart.
-    """
+    """If the process ends with an exit code after which no restart helps, the command shows its log and raises its message."""
     monkeypatch.setenv("RAYFARM_CACHE", str(tmp_path))
     program = """
-import json, sys, time
-options = sys.stdin.readline()
-print("rayfarm worker: started with", options.strip(), flush=True)
-if "ends" in options:
-    sys.exit(3)
-time.sleep(60)
+import sys
+print("rayfarm worker: started with", sys.stdin.readline().strip(), "\\nThe library ends.", flush=True)
+sys.exit(3)
 """
-    with pytest.raises(CommandError, match=r"started with .*ends"):
-        joining.run("worker", [sys.executable, "-c", program], "t", "Joining.", ["waits"], None, {"worker-gpu": ["ends"]})
+    with pytest.raises(CommandError, match=r"started with .*ends-at-once"):
+        joining.run("worker", [sys.executable, "-c", program], "t", "Joining.", ["ends-at-once"])
     shown = capfd.readouterr()
-    assert "waits" in shown.err
+    assert "ends-at-once" in shown.err
     assert not list((tmp_path / "logs").glob("*.log"))

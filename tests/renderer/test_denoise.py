@@ -194,3 +194,34 @@ def test_the_guide_lowers_the_error_in_mirrors():
         errors["first hits"] += rmse(denoise.denoise(*planes), color, everywhere)
         errors["guided"] += rmse(denoise_still(sums, scene, noisy), color, everywhere)
     assert errors["guided"] < 0.9 * errors["first hits"]
+
+
+def test_cards_images_lie_in_its_memory(monkeypatch):
+    """The way of the images to a card and back; the library's processor stands in for the card."""
+    import pyoidn
+
+    random = np.random.default_rng(0)
+    images = [random.random((24, 32, 3)).astype(np.float32) for _ in range(3)]
+    expected = denoise.denoise(*images, threads=1)
+    monkeypatch.setenv(denoise.DEVICE_VARIABLE, "cuda")
+    monkeypatch.setattr(pyoidn, "OIDN_DEVICE_TYPE_CUDA", pyoidn.OIDN_DEVICE_TYPE_CPU)
+    monkeypatch.setattr(denoise, "_warn_once", lambda sentence: pytest.fail(sentence))
+    np.testing.assert_allclose(denoise.denoise(*images, threads=1), expected, rtol=1e-5)
+
+
+def test_processor_denoises_where_no_card_can(monkeypatch):
+    import pyoidn
+
+    images = [np.full((8, 8, 3), value, np.float32) for value in (0.5, 0.4, 1.0)]
+    expected = denoise.denoise_fast(*images, threads=1)
+    said = []
+    monkeypatch.setenv(denoise.DEVICE_VARIABLE, "cuda")
+    monkeypatch.setattr(pyoidn, "OIDN_DEVICE_TYPE_CUDA", 99)  # no machine has such a device
+    monkeypatch.setattr(denoise, "_warn_once", said.append)
+    assert (denoise.denoise_fast(*images, threads=1) == expected).all()
+    assert len(said) == 1
+    assert said[0].startswith("Open Image Denoise failed: ")
+    assert said[0].endswith(". The processor denoises in the card's place")
+    monkeypatch.setenv(denoise.DEVICE_VARIABLE, "tpu")
+    with pytest.raises(SettingsError, match="RAYFARM_DENOISER is tpu; give cpu or cuda"):
+        denoise.denoise_fast(*images, threads=1)

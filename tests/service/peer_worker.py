@@ -33,6 +33,7 @@ from protocol.contract import (
     Result,
     SceneInfo,
     ShowEnvironment,
+    TrainPathGuide,
     WorkerReport,
     denoise_queue,
     own_prepare_queue,
@@ -88,6 +89,11 @@ def expected_digest(width: int = 64, height: int = 48, spp: int = 8, seed: int =
     return digest(expected_sums(Tile(0, 0, width, height), 0, spp, seed))
 
 
+def guide_of(job: str, frame: int) -> bytes:
+    """Returns the content of the blob that a peer stores as the path guide of a frame, given by its key."""
+    return f"guide of {job}, {frame}".encode()
+
+
 class PeerWorker:
     """A fake worker in a thread, which handles one message at a time; functions such as `on_batch` may change its answers.
 
@@ -107,6 +113,7 @@ class PeerWorker:
         knows_frames: bool = True,
         blurs: bool = True,
         knows_vectors: bool = True,
+        trains_guides: bool = True,
         several: bool = True,
         recalls: bool = False,
         views: bool = True,
@@ -130,6 +137,7 @@ class PeerWorker:
         self.knows_frames = knows_frames
         self.blurs = blurs
         self.knows_vectors = knows_vectors
+        self.trains_guides = trains_guides
         self.several = several
         self.recalls = recalls
         self.sample_s = 0.001  # reported rendering time of a sample of a tile
@@ -153,6 +161,8 @@ class PeerWorker:
         self.unwanted: list[ViewParts] = []  # of views that are no longer watched
         self.on_vectors: Callable[[str], bool | None] = lambda job: None  # True: no response
         self.vectors: list[FrameVectors] = []  # vectors made
+        self.on_path_guide: Callable[[TrainPathGuide], bool | None] = lambda work: None  # True: no response
+        self.path_guides: list[TrainPathGuide] = []  # guides trained
         self.messages: list[int] = []  # number of batches in each message
         self.on_batch: Callable[[RenderBatch], bool | None] = lambda batch: None
         self.on_prepare: Callable[[str], None] = lambda scene: None
@@ -206,6 +216,7 @@ class PeerWorker:
             frames=self.knows_frames,
             blurs=self.blurs,
             vectors=self.knows_vectors,
+            trains_guides=self.trains_guides,
             several=self.several,
             recalls=self.recalls,
             views=self.views,
@@ -278,6 +289,8 @@ class PeerWorker:
                 self._show(ShowEnvironment(**arguments["environment"]))
             elif "vectors" in arguments:
                 self._point(FrameVectors(**arguments["vectors"]))
+            elif "guide" in arguments:
+                self._train(TrainPathGuide.from_json(arguments["guide"]))
             elif "scene" in arguments:
                 self._prepare(arguments["scene"])
             elif "frame" in arguments:
@@ -374,6 +387,30 @@ class PeerWorker:
             self.send({"type": "vectors-made", **about, "sha256": sha256})
         except (ValueError, httpx.HTTPError) as error:
             self.send({"type": "vectors-failed", **about, "error": str(error)})
+
+    def _train(self, work: TrainPathGuide) -> None:
+        """Answers a request for a path guide: its blob is the job's id and the frame's key."""
+        about = {"work": work.work, "worker": self.name}
+        if self._cannot("path-guide-failed", about):
+            return
+        try:
+            if self.on_path_guide(work):
+                return
+            self.path_guides.append(work)
+            self.send({"type": "path-guide-trained", **about, "sha256": self.store(guide_of(work.job, work.frame))})
+        except (ValueError, httpx.HTTPError) as error:
+            self.send({"type": "path-guide-failed", **about, "error": str(error)})
+
+    def store(self, content: bytes) -> str:
+        """Stores a blob at the service, which may be starting, and returns its hash."""
+        sha256 = hashlib.sha256(content).hexdigest()
+        while True:
+            try:
+                self.http.put(f"/api/farm/blobs/{sha256}", content=content).raise_for_status()
+                return sha256
+            except httpx.TransportError:
+                if self._stop.wait(0.05):
+                    raise
 
     def _render(self, work: RenderBatch, message: str) -> None:
         if self._stop.is_set():

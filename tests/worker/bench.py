@@ -171,7 +171,8 @@ def a_worker(redis_url: str, folder: Path, slots: int, options: Sequence[str] = 
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     url = f"http://127.0.0.1:{server.server_port}"
-    command = [sys.executable, "-m", "worker", f"--service={url}", f"--slots={slots}", f"--cache={folder / 'blobs'}", *options]
+    command = [sys.executable, "-m", "worker", f"--service={url}", f"--slots={slots}", f"--cache={folder / 'blobs'}"]
+    command += ["--gpu=none", *options]  # without this machine's own graphics cards
     told = {"RAYFARM_TOKEN": "token", "RAYFARM_PREPARE_MEMORY_MB": "2000", "TMPDIR": str(folder)}
     with (folder / "log").open("wb") as log:
         process = subprocess.Popen(command, cwd=ROOT, stdout=log, stderr=log, env=os.environ | told)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import pytest
 
 from protocol.contract import (
     DENOISE,
+    PATH_GUIDE,
     RENDER_BATCHES,
     RESULTS,
     DenoiseFrame,
@@ -26,8 +28,10 @@ from protocol.contract import (
     RenderBatch,
     Result,
     SceneInfo,
+    TrainPathGuide,
     denoise_queue,
     pause_key,
+    prepare_queue,
     recall_key,
     render_queue,
 )
@@ -46,6 +50,7 @@ from protocol.view_parts import (
 from renderer.denoise import denoise, denoise_fast, denoise_with_guides, is_available
 from renderer.denoise_guides import denoise_still
 from renderer.film import ALBEDO, COLOR, DEPTH, NORMAL, SAMPLES, mean
+from renderer.guiding.stored_guide import read_guide
 from renderer.image import rgbe9995
 from renderer.render import render_batch, render_frame
 from renderer.scene import compiled as compiled_file
@@ -353,6 +358,33 @@ def test_guide_of_a_worker_equals_that_of_a_local_render(bench: Bench, tmp_path:
     assert not np.array_equal(guided, by_film)
     for clean, expected in zip(found, [guided, guided, by_film, by_film, by_film], strict=True):
         np.testing.assert_array_equal(clean, expected)
+
+
+@pytest.mark.long
+def test_path_guide_is_trained_once_and_read_by_slots(bench: Bench) -> None:
+    """Batches have the bits of a local render, with the stored guide and without."""
+    bench.upload("smallpt", {"smallpt.yaml": (ROOT / "scenes" / "smallpt.yaml").read_bytes()}, "smallpt.yaml")
+    event = bench.prepare("smallpt").event
+    assert event["type"] == "prepared", event
+    made, tile = SceneInfo.from_json(event["info"]), Tile(0, 0, 32, 24)
+    kind = bench.report().kind  # type: ignore[union-attr]
+    view = View(**made.cameras[0]["view"])
+    settings = RenderSettings(32, 24, view, max_depth=32, guiding="on")
+    for work in ("first", "second"):
+        asked = TrainPathGuide(work, "job", 0, kind, made.compiled.sha256, settings)
+        bench.celery.send_task(PATH_GUIDE, kwargs={"guide": asked.to_json()}, queue=prepare_queue(kind))
+    answers = [bench.next("path-guide-trained", "path-guide-failed", seconds=240).event for _ in range(2)]
+    assert {each["type"] for each in answers} == {"path-guide-trained"}, answers
+    (sha256,) = {each["sha256"] for each in answers}
+    assert read_guide(bench.service.blobs[sha256]) is not None
+    here = compile_scene(read(ROOT / "scenes", "smallpt.yaml"))
+    expected = render_batch(here, settings, tile, 0, 2).sums
+    assert not np.array_equal(expected, render_batch(here, replace(settings, guiding="off"), tile, 0, 2).sums)
+    for guide in (sha256, "", "0" * 64):
+        bench.render(RenderBatch(f"guided by {guide}", "job", 0, made.compiled.sha256, tile, 0, 2, settings, guide=guide))
+        result = bench.next("batch", "batch-failed", seconds=240)
+        assert result.sums is not None, result.event
+        np.testing.assert_array_equal(unpack_sums(result.sums, tile), expected)
 
 
 @pytest.mark.long

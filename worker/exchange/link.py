@@ -317,13 +317,15 @@ class Link:
             raise TokenError(
                 Sentence(
                     "worker-token-unknown",
-                    "{service} does not know this token. Take the token that `rayfarm up` shows, or ask who runs the farm.",
+                    "{service} does not know this token. Take the token that `rayfarm up` shows, or ask the "
+                    "administrator of this farm.",
                     service=self.service,
                 )
                 if is_service
                 else Sentence(
                     "worker-token-refused",
-                    "{service} does not know this token. Take the token that `rayfarm up` shows, or ask who runs the farm. "
+                    "{service} does not know this token. Take the token that `rayfarm up` shows, or ask the "
+                    "administrator of this farm. "
                     "If a login is in front of the farm, it must let /api/farm/ through.",
                     service=self.service,
                 )

@@ -5,16 +5,17 @@ from __future__ import annotations
 import contextlib
 import gc
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 from renderer import jit
 from renderer.parallel_compile import Helpers
-from renderer.render import PLAIN, kernel_name, warm_up
+from renderer.render import PLAIN, kernel_name, pilot_kernel_name, warm_up, warm_up_pilot
 from renderer.settings import RenderSettings
 from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
 from worker.exchange.link import Link
 
-__all__ = ["fetch_or_compile", "make_kernel_ready"]
+__all__ = ["fetch_or_compile", "make_kernel_ready", "make_pilot_ready", "pilot_readiness"]
 
 _log = logging.getLogger("worker")
 
@@ -37,6 +38,32 @@ def fetch_or_compile(
 
     Parameters as for `make_kernel_ready`.
     """
+    return _fetch_or_compile(link, kernel_name(settings, variant), lambda fetch: warm_up(settings, variant, fetch, helpers))
+
+
+def make_pilot_ready(link: Link, settings: RenderSettings, variant: str) -> None:
+    """Makes the kernel of pilot paths ready, as `make_kernel_ready` does. variant: of the kernel for images."""
+    name = pilot_kernel_name(variant)
+    if not _fetch_or_compile(link, name, partial(warm_up_pilot, settings, variant)):
+        upload_kernel_in_background(link, jit.cache_folder(), name)
+
+
+def pilot_readiness(link: Link, compiling: Callable[[bool], None]) -> Callable[[RenderSettings, str], None]:
+    """Returns `make_pilot_ready` for this farm. compiling: called with True before it, and with False afterwards."""
+
+    def prepare(settings: RenderSettings, variant: str) -> None:
+        compiling(True)
+        make_pilot_ready(link, settings, variant)
+        compiling(False)
+
+    return prepare
+
+
+def _fetch_or_compile(link: Link, name: str, warm_up: Callable[[Callable[[str], None]], float]) -> bool:
+    """Makes the kernel of this name ready. Returns whether the farm had it.
+
+    warm_up: compiles or loads it, and returns the seconds taken; its argument downloads the kernel of a name.
+    """
     folder = jit.cache_folder()
     farm_has_it = False
 
@@ -46,8 +73,8 @@ def fetch_or_compile(
         _log.info(sentence)
 
     with _without_garbage_collection():
-        took = warm_up(settings, variant, fetch, helpers)
-    _log.info("kernel %s ready after %.1f s", kernel_name(settings, variant), took)
+        took = warm_up(fetch)
+    _log.info("kernel %s ready after %.1f s", name, took)
     return farm_has_it
 
 

@@ -174,7 +174,7 @@ class _Relay:
     def _unknown_token(self) -> Sentence:
         return Sentence(
             "worker-token-unknown",
-            "{service} does not know this token. Take the token that `rayfarm up` shows, or ask who runs the farm.",
+            "{service} does not know this token. Take the token that `rayfarm up` shows, or ask the administrator of this farm.",
             service=self._settings.service,
         )
 

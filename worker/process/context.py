@@ -19,10 +19,12 @@ from protocol.view_parts import card_view_queue, view_queue
 from renderer import denoise
 from renderer.blender.program import Blender
 from renderer.cuda.driver import Card
+from renderer.cuda.verdicts import failure_of
 from renderer.sentences import to_text
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import Link
 from worker.exchange.results import PIECE_TIMEOUT_S, RELAYED_PIECE_TIMEOUT_S, ResultStream
+from worker.machine.cards_worker import CardsWorker
 from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard
 from worker.process.apply_terms import TermsKeeper
@@ -55,6 +57,8 @@ class WorkerContext:
     cards: tuple[Card, ...] = ()  # graphics cards, one for each slot; none: all slots render with the CPU
     cards_unused: tuple[str, ...] = ()  # a sentence for each card that is not used
     is_beside_cpu: bool = False  # whether another worker of this machine renders with the CPU; this one only with its cards
+    cards_worker: CardsWorker | None = None  # the other one, if this worker starts it
+    is_refused: bool = False  # whether the worker ends because requested cards cannot be used
     pieces: Pieces | None = None  # none where this machine has no folder for them
     is_over_https: bool = False  # whether `redis_url` is that of a relay (worker/exchange/relay.py)
     _results: ResultStream | None = None
@@ -102,6 +106,8 @@ class WorkerContext:
         """Returns the worker's report, with the current work of its slots. is_paused: report it as paused rather than ready."""
         doing, speed = self.board.read()
         slots = self.keeping.slots_now if self.keeping else self.slots
+        failed = {card: reason for card in self.cards if (reason := failure_of(card))}  # with a kernel that came later
+        beside = self.cards_worker.unused() if self.cards_worker is not None else []
         if slots < self.slots:  # busy slots are shown in any case
             doing = sorted(doing, key=bool, reverse=True)[: max(slots, sum(map(bool, doing)))]
         return WorkerReport(
@@ -121,6 +127,7 @@ class WorkerContext:
             vectors=True,
             several=True,
             recalls=True,
+            trains_guides=True,
             views=view_queue(self.kind) in self.queues,
             explains=True,
             denoises_views=denoise.is_available(),
@@ -128,8 +135,8 @@ class WorkerContext:
             in_hand=self._messages_in_hand(),
             has_card_queue=bool(self.cards),
             views_on_cards=bool(self.cards),
-            cards=[self._card(card, slot) for slot, card in enumerate(self.cards)],
-            cards_unused=[to_text(each) for each in self.cards_unused],
+            cards=[self._card(card, slot) for slot, card in enumerate(self.cards) if card not in failed],
+            cards_unused=[to_text(each) for each in (*self.cards_unused, *failed.values(), *beside)],
             transport=HTTPS if self.is_over_https else "",
         )
 

@@ -1,4 +1,4 @@
-"""Tasks for artifacts that clients request: denoised frames, motion vectors, thumbnails of environments.
+"""Tasks for artifacts: denoised frames, motion vectors and thumbnails of environments, which clients request, and path guides.
 
 Each sends exactly one event: success, or failure with a sentence.
 """
@@ -10,7 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from protocol.contract import DenoiseFrame, FrameVectors, Result, ShowEnvironment
+from protocol.contract import DenoiseFrame, FrameVectors, Result, ShowEnvironment, TrainPathGuide
+from renderer.errors import RayfarmError
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, UnfitError, WorkerError, WorkError, is_of_machine
 from worker.process import context
@@ -18,14 +19,15 @@ from worker.process.context import WorkerContext
 from worker.work.deaths import DEATHS_ALLOWED, count_deaths
 from worker.work.denoise import denoise_frame
 from worker.work.environments import show_environment
+from worker.work.path_guides import train_frame_guide
 from worker.work.slot import SlotTask
 from worker.work.vectors import make_frame_vectors
 
-__all__ = ["DENOISING", "ENVIRONMENTS", "MOTION_VECTORS", "ArtifactTask"]
+__all__ = ["DENOISING", "ENVIRONMENTS", "MOTION_VECTORS", "PATH_GUIDES", "ArtifactTask"]
 
 log = logging.getLogger(__name__)
 
-Work = TypeVar("Work", DenoiseFrame, FrameVectors, ShowEnvironment)
+Work = TypeVar("Work", DenoiseFrame, FrameVectors, ShowEnvironment, TrainPathGuide)
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class ArtifactTask(Generic[Work]):
         """Makes the artifact that a message requests; returns the event of success or failure."""
         try:
             work = self.read(message)
-        except ValueError as error:
+        except (ValueError, RayfarmError) as error:
             return self._failure(worker, message.get("work"), str(error))
         with SlotTask(worker, {self.shown_as: work.job, "frame": work.frame}):
             if count_deaths(task, worker, work.work) >= DEATHS_ALLOWED:
@@ -130,6 +132,14 @@ MOTION_VECTORS = ArtifactTask(
     "vectors-failed",
     "vectors",
     Sentence("task-make-vectors", "make motion vectors"),
+)
+PATH_GUIDES = ArtifactTask(
+    TrainPathGuide.from_json,
+    train_frame_guide,
+    "path-guide-trained",
+    "path-guide-failed",
+    "path_guide",
+    Sentence("task-train-guide", "train the path guide"),
 )
 ENVIRONMENTS = ArtifactTask(
     ShowEnvironment.from_json,

@@ -13,12 +13,12 @@ import redis
 from protocol.explained import ANSWER_TTL_S, ExplainPixel, explained_key
 from renderer.errors import RayfarmError
 from renderer.pixel_paths import MODELS, PixelPath, PixelPaths, bounce_of, pixel_paths
-from renderer.render import is_warm, variant_for
+from renderer.render import is_warm, settings_as_rendered, variant_for
 from renderer.replay import LightSample, Vertex
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence, encoded
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError
-from worker.exchange.ready import make_kernel_ready
+from worker.exchange.ready import make_kernel_ready, pilot_readiness
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.work.frames import compiled_frame
@@ -54,10 +54,11 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
     try:
         scene = _open_scene(worker, work)
         variant = variant_for(work.settings, scene)
-        if not is_warm(work.settings, variant):
+        kernel = settings_as_rendered(work.settings, scene, pilot_readiness(worker.link, compiling))
+        if not is_warm(kernel, variant):
             compiling(True)
             send_answer(worker, work.message, "compiling")
-            make_kernel_ready(worker.link, work.settings, variant)
+            make_kernel_ready(worker.link, kernel, variant)
             compiling(False)
         found = pixel_paths(scene, work.settings, work.x, work.y, work.count, work.sample)
         send_answer(worker, work.message, "done", explained=explanation_json(scene, found))

@@ -13,15 +13,19 @@ from protocol.reproduce import batch_command
 from protocol.sums import PACKED, pack_sums
 from renderer.errors import RayfarmError
 from renderer.film import BatchSums
-from renderer.render import is_warm, render_batch, variant_for
+from renderer.kernel.accumulate import samples_guide
+from renderer.render import is_warm, render_batch, settings_as_rendered, variant_for
 from renderer.sentences import Sentence
+from renderer.settings import RenderSettings
 from worker.exchange.errors import RefusedError, TemporaryError
-from worker.exchange.ready import make_kernel_ready
+from worker.exchange.link import Link
+from worker.exchange.ready import make_kernel_ready, make_pilot_ready
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.process.slot_number import slot
 from worker.telemetry.batch_warnings import step
 from worker.work.open_scenes import mapped_scene
+from worker.work.path_guides import use_stored_guide
 
 __all__ = [
     "PATIENCE_S",
@@ -69,12 +73,19 @@ def render(
         with step("open scene", slot=slot()):
             scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
         variant = variant_for(batch.settings, scene)
-        if not is_warm(batch.settings, variant):
+
+        def prepare(settings: RenderSettings, make_ready: Callable[[Link, RenderSettings, str], None]) -> None:
             begins()
             compiling(True)
             with step("kernel"):
-                make_kernel_ready(worker.link, batch.settings, variant)
+                make_ready(worker.link, settings, variant)
             compiling(False)
+
+        if samples_guide(batch.settings):
+            use_stored_guide(worker, scene, batch.settings, batch.guide)
+        kernel = settings_as_rendered(batch.settings, scene, lambda settings, _: prepare(settings, make_pilot_ready))
+        if not is_warm(kernel, variant):
+            prepare(kernel, make_kernel_ready)
         begun = time.perf_counter()
         with step("trace paths", slot=slot(), first=batch.first, count=batch.count, tile=list(batch.tile)):
             sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count, begins=begins)

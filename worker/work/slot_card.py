@@ -23,17 +23,21 @@ from renderer.cuda.driver import Card, DriverError
 from renderer.cuda.render import CardError, CardMemoryError, CardRenderer
 from renderer.errors import RayfarmError
 from renderer.film import SAMPLES, BatchSums
-from renderer.render import is_for_cards, render_batch, settings_in_use, variant_for, warm_up_caustics, warm_up_guide
+from renderer.kernel.accumulate import samples_guide
+from renderer.render import is_for_cards, render_batch, settings_as_rendered, variant_for, warm_up_caustics
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
 from renderer.settings import Tile
 from renderer.variant_names import variant_suffix
 from worker.exchange.errors import TemporaryError, WorkerError
 from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
+from worker.exchange.ready import pilot_readiness
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.process.slot_number import slot
+from worker.work.card_self_test import check_kernel
 from worker.work.open_scenes import mapped_scene
+from worker.work.path_guides import use_stored_guide
 from worker.work.render import PATIENCE_S, rendered_outcome, returned_event
 
 __all__ = [
@@ -53,6 +57,7 @@ BLOCK_SAMPLES = 1 << 25  # most samples of a launch's block, so that sums come b
 MAX_PACKED_BEHIND = 2  # blocks whose sums wait to be packed and sent, which bounds the memory
 
 _cards: dict[int, CardRenderer | None] = {}  # of this process's slot; None after a failure
+_failed_tests: dict[int, str] = {}  # why a card failed the self-test: a sentence by the card's number
 _too_large: set[str] = set()  # compiled scenes that do not fit its memory
 
 Show = Callable[["Block", bool], None]  # called with the block that is rendered next, and whether a kernel is made ready
@@ -198,21 +203,33 @@ def _prepare_renderer(
         )
     if batch.compiled in _too_large:
         raise UnusableError(_scene_too_large(card))
-    if card.number not in _cards:
-        _cards[card.number] = CardRenderer(card)
-    renderer = _cards[card.number]
-    if renderer is None:
-        raise UnusableError(_card_failed_sentence(card))
+    if card.number in _cards and _cards[card.number] is None:
+        raise UnusableError(_failed_tests.get(card.number) or _card_failed_sentence(card))
     scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
     variant = variant_for(batch.settings, scene)
-    kernel = f"{variant}{variant_suffix(settings_in_use(batch.settings, scene))}"
-    if not renderer.has_kernel(kernel):
+    if samples_guide(batch.settings):
+        use_stored_guide(worker, scene, batch.settings, batch.guide)
+    settings = settings_as_rendered(batch.settings, scene, pilot_readiness(worker.link, compiling))
+    kernel = f"{variant}{variant_suffix(settings)}"
+    renderer = _cards.get(card.number)
+    if renderer is None or not renderer.has_kernel(kernel):
         compiling(True)
+        if reason := check_kernel(worker.link, card, kernel, partial(_release, card)):
+            _cards[card.number], _failed_tests[card.number] = None, reason
+            log.warning("%s", reason)
+            raise UnusableError(reason)
+        renderer = _cards.get(card.number) or CardRenderer(card)
+        _cards[card.number] = renderer
         _load(worker, renderer, kernel)
-        warm_up_caustics(batch.settings, variant)
-        warm_up_guide(batch.settings, variant)
+        warm_up_caustics(settings, variant)
         compiling(False)
     return renderer, scene
+
+
+def _release(card: Card) -> None:
+    """Frees what this process has on a graphics card."""
+    if (renderer := _cards.pop(card.number, None)) is not None:
+        renderer.close()
 
 
 def _scene_too_large(card: Card) -> str:

@@ -9,16 +9,13 @@ import logging
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
-import numpy as np
-
 from protocol.contract import RenderBatch
-from protocol.sums import pack_sums
 from protocol.view_parts import ViewParts
 from renderer.film import BatchSums
 from renderer.sentences import Sentence
 from worker.process.context import WorkerContext
 from worker.work.slot_card import MAX_PACKED_BEHIND, Block, ReturnedError, UnusableError, render_blocks
-from worker.work.viewport import ViewAnswers, view_planes
+from worker.work.viewport import ViewAnswers, pack_view_sums
 
 __all__ = ["render_view_on_card"]
 
@@ -109,6 +106,5 @@ def _send_sums(answering: ViewAnswers, work: ViewParts, block: Block, sums: Batc
     for batch in block.batches:
         x, y, w, h = batch.tile
         left, top = x - block.tile.x, y - block.tile.y
-        part = np.ascontiguousarray(sums.sums[:, top : top + h, left : left + w])
-        packed = pack_sums(part if work.is_whole else view_planes(part, work.has_guides))
+        packed = pack_view_sums(sums.sums[:, top : top + h, left : left + w], work)
         answering.send("part", packed, number=int(batch.batch), seconds=seconds * w * h / area)

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import redis
 
 from protocol.sums import pack_sums
@@ -23,17 +22,17 @@ from protocol.view_parts import (
     view_key,
 )
 from renderer.errors import RayfarmError
-from renderer.film import ALBEDO, COLOR, NORMAL, SAMPLES, alpha_plane
-from renderer.render import is_warm, render_batch, variant_for
+from renderer.film import ALBEDO, COLOR, NORMAL, SAMPLES, Sums, alpha_plane
+from renderer.render import is_warm, render_batch, settings_as_rendered, variant_for
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError
-from worker.exchange.ready import make_kernel_ready
+from worker.exchange.ready import make_kernel_ready, pilot_readiness
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.work.frames import prepare_frames
 from worker.work.open_scenes import mapped_scene
 
-__all__ = ["ViewAnswers", "prepare_view_frame", "render_view", "view_planes"]
+__all__ = ["ViewAnswers", "pack_view_sums", "prepare_view_frame", "render_view"]
 
 PATIENCE_S = 5.0  # seconds to retry an unreachable service; a client waits
 
@@ -82,10 +81,11 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
     try:
         scene = retry_temporary(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
         variant = variant_for(work.settings, scene)
-        if not is_warm(work.settings, variant):
+        kernel = settings_as_rendered(work.settings, scene, pilot_readiness(worker.link, compiling))
+        if not is_warm(kernel, variant):
             compiling(True)
             answering.send("compiling")
-            make_kernel_ready(worker.link, work.settings, variant)
+            make_kernel_ready(worker.link, kernel, variant)
             compiling(False)
         for part in work.parts:
             if not answering.is_wanted():
@@ -95,7 +95,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
             taken = time.perf_counter() - begun
             answering.send(
                 "part",
-                pack_sums(sums if work.is_whole else view_planes(sums, work.has_guides)),
+                pack_view_sums(sums, work),
                 number=part.number,
                 seconds=taken,
             )
@@ -174,17 +174,13 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
         )
 
 
-def view_planes(sums: np.ndarray[Any, Any], has_guides: bool) -> np.ndarray[Any, Any]:
-    """Returns a copy of the sums in which the planes that a view does not use are zero, so that they pack into little space.
-
-    has_guides: whether it uses albedo and normal.
-    """
-    seen = np.zeros_like(sums)
-    for planes in (COLOR, SAMPLES, slice(alpha_plane(0), None)):
-        seen[planes] = sums[planes]
-    if has_guides:
-        seen[ALBEDO], seen[NORMAL] = sums[ALBEDO], sums[NORMAL]
-    return seen
+def pack_view_sums(sums: Sums, work: ViewParts) -> bytes:
+    """Packs the sums of a part, (planes, h, w) int64: without the planes that the view does not use, unless it wants all."""
+    if work.is_whole:
+        return pack_sums(sums)
+    guides = (ALBEDO, NORMAL) if work.has_guides else ()
+    used = COLOR, slice(SAMPLES, SAMPLES + 1), slice(alpha_plane(0), None), *guides
+    return pack_sums(sums, planes={plane for each in used for plane in range(*each.indices(len(sums)))})
 
 
 def _samples(part: Part) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from renderer.jit import device
@@ -14,6 +16,8 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _LEAST_BEND2 = np.float32(1e-12)
+_LEAST_RADIUS2 = np.float32(1e-30)
+_LEAST_SINE2 = np.float32(1 / 16)  # of the angle between ray and fibre: limits the length of rays within fibres to four diameters
 
 
 @device
@@ -33,7 +37,8 @@ def offset_ray_origin(surface, reflected, d):
 
     On a smooth triangle the origin is raised above the facet, more for grazing rays; rays along the normal start at the point, so
     that contact shadows are preserved. A reflected ray that points below a flat facet hits the facet itself, so that no light
-    leaks through a bent normal.
+    leaks through a bent normal. A ray that a curve transmits starts where it leaves the cylinder around its axis; from the point
+    where light enters, it would hit the next segment of the same fibre near a bend.
     """
     error = where(reflected, surface.error, -surface.error)
     start = vec.add(surface.point, vec.scale(surface.geometric, error))
@@ -43,6 +48,13 @@ def offset_ray_origin(surface, reflected, d):
         bend2 = max(_TWO - _TWO * vec.dot(surface.shading, surface.geometric), _LEAST_BEND2)
         higher = vec.add(start, vec.scale(surface.lift, max(_ONE - cosine * cosine / bend2, _ZERO)))
         start = where3(raised, higher, start)
+    radius2 = vec.dot(surface.lift, surface.lift)
+    within = not_(surface.smooth | reflected) & (radius2 > _ZERO)
+    if any_of(within):
+        along = vec.dot(surface.lift, d)
+        across2 = max(radius2 - along * along, max(_LEAST_SINE2 * radius2, _LEAST_RADIUS2))
+        chord = _TWO * math.sqrt(radius2) * max(-vec.dot(surface.geometric, d), _ZERO) * (radius2 / across2)
+        start = where3(within, vec.add(start, vec.scale(d, chord)), start)
     return start
 
 

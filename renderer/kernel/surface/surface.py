@@ -73,7 +73,9 @@ class Surface(NamedTuple):
     color: tuple[float, float, float, float]  # vertex colour RGBA, white if there is none
     tangent: tuple[float, float, float, float]  # unit, and the bitangent's sign; zeros if the material needs none
     smooth: bool  # whether reflected rays start above the triangle's facet,
-    lift: tuple[float, float, float]  # offset of their origin from `point`
+    lift: tuple[
+        float, float, float
+    ]  # offset of their origin from `point`; of curves, which are not smooth, the axis times the radius
 
 
 @device
@@ -233,15 +235,14 @@ def _is_textured(scene, material):
 
 
 @device
-def _around_curve(tangent, wo, h):
-    """Returns the unit normal of a round curve at offset h from its axis, as seen from wo. tangent: unit, along the axis."""
+def _across_curve(tangent, wo):
+    """Returns unit vectors (across a curve; up, towards wo) perpendicular to its axis. tangent: unit, along the axis."""
     axis = tangent[0], tangent[1], tangent[2]
     across = vec.cross(axis, wo)
     square = vec.dot(across, across)
     seen = square > _TINY  # or along the axis
     across = where3(seen, vec.scale(across, _ONE / math.sqrt(max(square, _TINY))), across)
-    up = where3(seen, vec.cross(across, axis), wo)
-    return vec.add(vec.scale(across, h), vec.scale(up, math.sqrt(max(_ONE - h * h, _ZERO))))
+    return across, where3(seen, vec.cross(across, axis), wo)
 
 
 @device
@@ -308,18 +309,26 @@ def _triangle_surface(scene, wo, hit):
         moved = vec.add(point, _inward(scene, hit, error, curvature))
         point = where3(beside, moved, point)
     if scene.has.hair is not None and len(scene.tangent) > 0:
-        # Rays that a tube of triangles transmits start on its far side, which they would hit again otherwise. Those that a curve
-        # transmits start inside: they hit only what they enter.
+        # Rays that a tube of triangles transmits start on its far side, which they would hit again otherwise. Those of round
+        # curves start where they leave the curve (ray_origins.py).
         hair = is_hair(scene, material)
-        if any_of(hair):
+        if any_of(hair | curved):
             diameter = _diameter(scene, hit, i, j, k, u, v)
-            error = where(hair, max(error, diameter), error)
-            if any_of(curved):
-                round_normal = _around_curve(tangent, wo, (u - v) * tangent[3])
-                point = where3(curved, vec.add(point, vec.scale(round_normal, _HALF * diameter)), point)
-                error = where(curved, diameter * _OFF_CURVE + POINT_ERROR * vec.magnitude(point), error)
-                geometric = where3(curved, round_normal, geometric)
-                shading = where3(curved, round_normal, shading)
+            error = where(hair | curved, max(error, diameter), error)
+            lift = where3(hair, (none, none, none), lift)
+        if any_of(curved):
+            h, radius = (u - v) * tangent[3], _HALF * diameter
+            across, up = _across_curve(tangent, wo)
+            # Hair is round. Other curves are flat, face the ray, and contain the axis: all rays from them start beyond the curve.
+            above = where(hair, math.sqrt(max(_ONE - h * h, _ZERO)), one)
+            aside = vec.scale(across, h)
+            normal = vec.add(where3(hair, aside, (none, none, none)), vec.scale(up, above))
+            place = where3(hair, normal, aside)
+            point = where3(curved, vec.add(point, vec.scale(place, radius)), point)
+            error = where(curved & hair, diameter * _OFF_CURVE + POINT_ERROR * vec.magnitude(point), error)
+            lift = where3(curved & hair, vec.scale((tangent[0], tangent[1], tangent[2]), radius), lift)
+            geometric = where3(curved, normal, geometric)
+            shading = where3(curved, normal, shading)
     uv = uv1 = none, none
     if scene.has.textures is not None:
         if any_of(_is_textured(scene, material)):

@@ -1,4 +1,5 @@
-"""Artifacts: files that workers make when clients request them, such as denoised frames, motion vectors and thumbnails.
+"""Artifacts: files that workers make when clients request them, such as denoised frames, motion vectors and thumbnails;
+and path guides, which the engine requests.
 
 If a machine cannot make an artifact, the request is sent to another worker (unfit_machines.py).
 
@@ -19,7 +20,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
-from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, WorkerReport, prepare_queue
+from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, TrainPathGuide, WorkerReport, prepare_queue
 from renderer.sentences import Sentence
 from service.errors import AnswerTimeout, Failed, FarmError, NotFound, QueueError, Unavailable
 from service.events import BlobsReleased, Events
@@ -38,7 +39,7 @@ MAX_UNSEEN_POLLS = 10  # consecutive polls without a holder, since a crashed slo
 MAX_ATTEMPTS = 3
 Key = tuple[str, int]  # job, frame
 
-Request = TypeVar("Request", DenoiseFrame, FrameVectors, ShowEnvironment)
+Request = TypeVar("Request", DenoiseFrame, FrameVectors, ShowEnvironment, TrainPathGuide)
 
 
 @dataclass
@@ -76,8 +77,8 @@ class ArtifactTask(ABC, Generic[Request]):
         return bool(self._wanted)
 
     @abstractmethod
-    def _kind(self) -> str | None:
-        """Returns the worker kind that can make this artifact; None if there is none."""
+    def _kind(self, request: Request) -> str | None:
+        """Returns the worker kind that can make the requested artifact; None if there is none."""
 
     @abstractmethod
     def _able_workers(self) -> list[WorkerReport]:
@@ -125,7 +126,7 @@ class ArtifactTask(ABC, Generic[Request]):
         with self._lock:
             wanted = self._wanted.get((job, frame))
             if wanted is None:
-                if self._kind() is None:
+                if self._kind(request) is None:
                     raise self._no_worker_error()
                 wanted = self._wanted[job, frame] = _PendingRequest(request)
             return wanted.answer
@@ -133,7 +134,7 @@ class ArtifactTask(ABC, Generic[Request]):
     def dispatch_work(self) -> None:
         """Sends the requests that are not in progress to workers. Raises QueueError."""
         for key, wanted in self._unsent_requests():
-            kind = self._kind()
+            kind = self._kind(wanted.request)
             if kind is None:
                 self._fail_request(key, self._no_worker_error())
                 continue

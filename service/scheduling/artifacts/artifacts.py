@@ -8,6 +8,7 @@ from service.scheduling.artifacts.denoising import Denoising
 from service.scheduling.artifacts.environments import Environments
 from service.scheduling.artifacts.frame_preparation import FramePreparation
 from service.scheduling.artifacts.kept_artifacts import KeptArtifacts
+from service.scheduling.artifacts.path_guides import PathGuides
 from service.scheduling.artifacts.previews import DenoisedPreviews
 from service.scheduling.artifacts.scene_preparation import ScenePreparations
 from service.scheduling.artifacts.unfit_machines import MachineFault
@@ -20,6 +21,8 @@ from service.scheduling.incoming.messages import (
     EnvironmentFailed,
     EnvironmentShown,
     Message,
+    PathGuideFailed,
+    PathGuideTrained,
     VectorsFailed,
     VectorsMade,
 )
@@ -32,7 +35,7 @@ DENOISED_FILE = "denoised.json"  # in the data folder
 
 
 class ArtifactTasks:
-    """Preparation of scenes and frames, and the artifacts that clients request."""
+    """Preparation of scenes and frames, path guides, and the artifacts that clients request."""
 
     def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, events: Events) -> None:
         self.preparing = ScenePreparations(dispatcher, workers, settings.prepare_deadline)
@@ -42,7 +45,8 @@ class ArtifactTasks:
         self.vectors = Vectors(dispatcher, workers, blobs, events)
         self.environments = Environments(dispatcher, workers, blobs, events)
         self.previews = DenoisedPreviews(dispatcher, workers, blobs, events)
-        self._aside = (self.denoising, self.previews, self.vectors, self.environments)
+        self.path_guides = PathGuides(dispatcher, workers, blobs, events)
+        self._aside = (self.denoising, self.previews, self.vectors, self.environments, self.path_guides)
 
     @property
     def wait_for_slots(self) -> bool:
@@ -73,6 +77,10 @@ class ArtifactTasks:
                 self.vectors.handle_answer(message.work, ArtifactResult(message.sha256))
             case VectorsFailed():
                 self.vectors.handle_answer(message.work, None, message.error, _machine_fault(message))
+            case PathGuideTrained():
+                self.path_guides.handle_answer(message.work, ArtifactResult(message.sha256))
+            case PathGuideFailed():
+                self.path_guides.handle_answer(message.work, None, message.error, _machine_fault(message))
             case EnvironmentShown():
                 self.environments.handle_answer(message.work, ArtifactResult(message.sha256))
             case EnvironmentFailed():
@@ -83,6 +91,7 @@ class ArtifactTasks:
         self.denoising.discard_job(job)
         self.previews.discard_job(job)
         self.vectors.discard_job(job)
+        self.path_guides.discard_job(job)
 
     def close(self) -> None:
         """Stops the threads that query the blob store."""
@@ -90,5 +99,5 @@ class ArtifactTasks:
             each.close()
 
 
-def _machine_fault(message: DenoiseFailed | VectorsFailed | EnvironmentFailed) -> MachineFault | None:
+def _machine_fault(message: DenoiseFailed | VectorsFailed | EnvironmentFailed | PathGuideFailed) -> MachineFault | None:
     return MachineFault(message.worker, message.error, passing=False) if message.unfit else None

@@ -51,7 +51,7 @@ class Denoising(ArtifactTask[DenoiseFrame]):
                 made = dict(self._made)
             self._kept.save(made)
 
-    def _kind(self) -> str | None:
+    def _kind(self, request: DenoiseFrame) -> str | None:
         return self._workers.roster.denoising_kind()
 
     def _able_workers(self) -> list[WorkerReport]:

@@ -19,7 +19,7 @@ class Environments(ArtifactTask[ShowEnvironment]):
     _doing = "environment"
     _patience_s = 150.0
 
-    def _kind(self) -> str | None:
+    def _kind(self, request: ShowEnvironment) -> str | None:
         return self._workers.roster.environment_kind()
 
     def _able_workers(self) -> list[WorkerReport]:

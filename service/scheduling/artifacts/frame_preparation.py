@@ -201,7 +201,7 @@ class FramePreparation:
         if not lacking:
             return []
         in_hand = sum(not frame.is_over and not frame.is_idle for frame in turns.preparing_frames())
-        waiting = turns.count_ready_before(kind, job.agenda.sort_key(lacking[0]), ahead)
+        waiting = turns.count_ready_before(kind, job.agenda.sort_key(lacking[0]), ahead) + turns.count_without_guide(kind)
         room = ahead - in_hand - waiting
         if room < len(lacking) and waiting >= self._workers.roster.slots(kind):
             return []

@@ -17,7 +17,7 @@ class Vectors(ArtifactTask[FrameVectors]):
     _doing = "vectors"
     _patience_s = 600.0  # the scene is read and compiled first
 
-    def _kind(self) -> str | None:
+    def _kind(self, request: FrameVectors) -> str | None:
         return self._workers.roster.motion_vector_kind()
 
     def _able_workers(self) -> list[WorkerReport]:

@@ -78,8 +78,8 @@ def batch_message(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
     """Returns the message that asks a worker to render one batch."""
     frame, tile = job.frames[batch.frame], job.film.tiles[batch.tile]
     settings = frame.settings or job.settings
-    compiled = frame.compiled[lease.kind]
-    return RenderBatch(lease.id, job.id, frame.key, compiled, tile, batch.first, batch.count, settings, PACKED)
+    compiled, guide = frame.compiled[lease.kind], frame.guides.get(lease.kind, "")
+    return RenderBatch(lease.id, job.id, frame.key, compiled, tile, batch.first, batch.count, settings, PACKED, guide)
 
 
 def joint_message(job: ActiveJob, leases: list[Lease], batches: list[Range], hold_s: float, run: Run | None = None) -> JointBatch:

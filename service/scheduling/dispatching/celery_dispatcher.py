@@ -17,6 +17,7 @@ from protocol.card import CARD_QUEUES, RENDER_ON_CARD, CardBatches
 from protocol.contract import (
     DENOISE,
     ENVIRONMENT,
+    PATH_GUIDE,
     PREPARE,
     PREPARE_FRAMES,
     RENDER_BATCH,
@@ -27,6 +28,7 @@ from protocol.contract import (
     PrepareFrames,
     RenderBatch,
     ShowEnvironment,
+    TrainPathGuide,
     denoise_queue,
     prepare_queue,
     recall_key,
@@ -135,6 +137,10 @@ class CeleryDispatcher:
             ViewDenoise: (DENOISE_VIEW, "picture"),
         }[type(work)]
         self._send(name, {argument: work.to_json()}, queue, work.message)
+
+    def send_path_guide(self, work: TrainPathGuide, queue: str) -> None:
+        """Sends a request to train a frame's path guide. Raises QueueError."""
+        self._send(PATH_GUIDE, {"guide": work.to_json()}, queue, work.work, ("job", work.job))
 
     def send_environment(self, work: ShowEnvironment, queue: str) -> None:
         """Sends a request to make a thumbnail of an environment image. Raises QueueError."""

@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager
 from typing import Protocol
 
 from protocol.card import CardBatches
-from protocol.contract import DenoiseFrame, FrameVectors, PrepareFrames, RenderBatch, ShowEnvironment
+from protocol.contract import DenoiseFrame, FrameVectors, PrepareFrames, RenderBatch, ShowEnvironment, TrainPathGuide
 from protocol.explained import ExplainPixel
 from protocol.joint import JointBatch
 from protocol.view_parts import ViewDenoise, ViewFrame, ViewParts
@@ -58,6 +58,9 @@ class Dispatcher(Protocol):
 
     def send_environment(self, work: ShowEnvironment, queue: str) -> None:
         """Sends a request to make a thumbnail of an environment image. Raises QueueError."""
+
+    def send_path_guide(self, work: TrainPathGuide, queue: str) -> None:
+        """Sends a request to train a frame's path guide. Raises QueueError."""
 
     def send_explain(self, work: ExplainPixel, queue: str) -> None:
         """Sends a request to explain how a pixel got its colour. Raises QueueError."""

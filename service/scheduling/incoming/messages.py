@@ -31,6 +31,8 @@ __all__ = [
     "FramePrepared",
     "FramesReturned",
     "Message",
+    "PathGuideFailed",
+    "PathGuideTrained",
     "PrepareDone",
     "PrepareFailed",
     "PrepareProgress",
@@ -222,6 +224,21 @@ class VectorsFailed(_Vectors):
     """Message: a frame's motion vectors could not be computed."""
 
     type: Literal["vectors-failed"]
+    error: SentSentence
+    unfit: bool = False  # the machine is the cause, so another worker may succeed
+
+
+class PathGuideTrained(_Denoise):
+    """Message: a frame's path guide was trained."""
+
+    type: Literal["path-guide-trained"]
+    sha256: Id
+
+
+class PathGuideFailed(_Denoise):
+    """Message: a frame's path guide could not be trained."""
+
+    type: Literal["path-guide-failed"]
     error: SentSentence
     unfit: bool = False  # the machine is the cause, so another worker may succeed
 
@@ -461,6 +478,8 @@ Message = (
     | EnvironmentFailed
     | VectorsMade
     | VectorsFailed
+    | PathGuideTrained
+    | PathGuideFailed
     | Wake
 )
 _MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])

@@ -60,8 +60,20 @@ class ActiveFrame:
 
     __slots__ = (
         *("_due", "_expected_spp", "_focus", "_is_measured", "_is_told_anew", "_json", "_measured", "_on_change", "_plan"),
-        *("_recorded", "_settings", "_stored", "_sums", "bad_samples", "ceiling", "compiled", "error", "film", "is_idle"),
-        *("is_preparing", "key", "noise", "noise_asked", "own", "spp", "state"),
+        *(
+            "_recorded",
+            "_settings",
+            "_stored",
+            "_sums",
+            "bad_samples",
+            "ceiling",
+            "compiled",
+            "error",
+            "film",
+            "guides",
+            "is_guided",
+        ),
+        *("is_idle", "is_preparing", "key", "noise", "noise_asked", "own", "spp", "state"),
     )
 
     def __init__(
@@ -75,6 +87,7 @@ class ActiveFrame:
         is_measured: bool = False,
         expected_spp: int | None = None,
         on_change: Callable[[int], None] = _ignore_change,
+        is_guided: bool = False,
     ) -> None:
         """Creates the frame from its database row.
 
@@ -85,12 +98,15 @@ class ActiveFrame:
         is_measured: whether to estimate the noise while rendering, even without a target.
         expected_spp: expected samples per pixel, if `spp` is only an upper limit.
         on_change: called with the frame's key when its state or numbers may have changed.
+        is_guided: whether it is rendered only once its path guide is known.
         """
         self.key = row.number
         self.film = film
         self._settings = settings if isinstance(settings, RenderSettings) else None
         self._stored = None if isinstance(settings, RenderSettings) else settings
         self.compiled = compiled
+        self.is_guided = is_guided
+        self.guides: dict[str, str] = {}  # by worker kind: SHA-256 of its path guide, or "" if each slot trains it
         self.own = dict(row.compiled or {})  # kind -> BlobRef of the scene compiled for this frame alone
         self.spp = spp
         self.noise_asked = noise
@@ -220,6 +236,10 @@ class ActiveFrame:
         self.ceiling = self.plan.ceiling = ceiling
         self.is_idle = False
         self._notify_change()
+
+    def lacks_guide(self, kind: str) -> bool:
+        """Returns True if the frame waits for its path guide before it is rendered by this worker kind."""
+        return self.is_guided and kind not in self.guides
 
     def next_batch(
         self, samples_wanted: Callable[[int], int], max_run: int = 1, at_once: Callable[[int], int] | None = None

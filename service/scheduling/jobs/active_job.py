@@ -7,6 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 from protocol.contract import render_queue
 from renderer.settings import MAX_SPP, RenderSettings, Tile
@@ -62,6 +63,9 @@ class ActiveJob:
         self.of_scene = of_scene
         self.scene_words: list[str] = []  # command line options for the scene's variant and light
         self.settings = RenderSettings.from_json(row.settings)
+        self.is_guided = (
+            self.settings.guiding != "off" and self.settings.integrator == "path"
+        )  # whether frames wait for their path guides
         self.state = row.state
         self.priority = row.priority
         self.user, self.project = row.user, row.project or ""
@@ -139,10 +143,9 @@ class ActiveJob:
 
     def _frame(self, row: FrameRow) -> ActiveFrame:
         assert self.spp is not None
+        more: dict[str, Any] = {"on_change": self._mark_key_changed, "is_guided": self.is_guided}
         if self.shot is None:
-            frame = ActiveFrame(
-                row, self.film, self.settings, self.compiled, self.spp, self.noise, True, on_change=self._mark_key_changed
-            )
+            frame = ActiveFrame(row, self.film, self.settings, self.compiled, self.spp, self.noise, True, **more)
             frame.state = "queued"  # the job has the state of a still's frame
             if self.film.has_file:  # a plan takes kilobytes, and thousands of jobs may wait
                 frame.plan  # noqa: B018 - a film that cannot be read is found out now
@@ -155,8 +158,8 @@ class ActiveJob:
             row = row._replace(state="queued")  # the film lost its latest samples in a power failure
         if self.shot.order == "noisiest-first":
             most = min(MAX_SPP, max(64 * self.spp, self.spp))
-            return ActiveFrame(row, self.film, settings, own, most, self.noise, True, min(self.spp, most), self._mark_key_changed)
-        return ActiveFrame(row, self.film, settings, own, row.spp or self.spp, self.noise, True, on_change=self._mark_key_changed)
+            return ActiveFrame(row, self.film, settings, own, most, self.noise, True, min(self.spp, most), **more)
+        return ActiveFrame(row, self.film, settings, own, row.spp or self.spp, self.noise, True, **more)
 
     @property
     def is_done(self) -> bool:

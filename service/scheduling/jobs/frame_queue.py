@@ -32,6 +32,7 @@ class FrameQueue:
         self._changed: dict[int, None] = {}
         self._ready: dict[str, FrameHeap] = {}  # by kind: frames that can be rendered
         self._lacking: dict[str, FrameHeap] = {}  # by kind: frames that are not prepared and not being prepared
+        self._unguided: dict[str, FrameHeap] = {}  # by kind: frames that are prepared, but lack their path guide
         self._preparing: dict[int, None] = {}  # frames being prepared
         self._owning: dict[int, None] = {}  # frames with their own compiled scene
         self.mark_changed(*frames)
@@ -53,14 +54,22 @@ class FrameQueue:
         """Returns the first frames that must be prepared for workers of this kind; at most `max_count`."""
         return [self._frames[key] for key in self._heap_of(self._lacking, kind).first_keys(max_count)]
 
+    def frames_without_guide(self, kind: str, max_count: int) -> list[ActiveFrame]:
+        """Returns the first frames that are prepared for workers of this kind, but lack their path guide; at most `max_count`."""
+        return [self._frames[key] for key in self._heap_of(self._unguided, kind).first_keys(max_count)]
+
+    def count_without_guide(self, kind: str) -> int:
+        """Returns the number of frames that are prepared for workers of this kind, but lack their path guide."""
+        return len(self._heap_of(self._unguided, kind))
+
     def first_unprepared(self, kind: str) -> SortKey | None:
         """Returns the smallest sort key of the frames that are not prepared for this worker kind; None if there are none.
 
-        Frames in preparation are included.
+        Frames in preparation, and those that lack their path guide, are included.
         """
-        first = self._heap_of(self._lacking, kind).smallest()
+        firsts = [self._heap_of(lines, kind).smallest() for lines in (self._lacking, self._unguided)]
         at_it = (self._turn(f) for f in self.preparing_frames() if kind not in f.compiled and not f.is_over and not f.is_idle)
-        return min(at_it if first is None else (first[0], *at_it), default=None)
+        return min((*(first[0] for first in firsts if first is not None), *at_it), default=None)
 
     def preparing_frames(self) -> list[ActiveFrame]:
         """Returns the frames that are being prepared."""
@@ -75,7 +84,7 @@ class FrameQueue:
     def add_kind(self, kind: str) -> None:
         """Creates the queues for a worker kind, unless they exist."""
         if kind not in self._ready:
-            self._ready[kind], self._lacking[kind] = LazyHeap(), LazyHeap()
+            self._ready[kind], self._lacking[kind], self._unguided[kind] = LazyHeap(), LazyHeap(), LazyHeap()
             self.mark_changed(*self._frames)
 
     def _heap_of(self, lines: dict[str, FrameHeap], kind: str) -> FrameHeap:
@@ -95,18 +104,23 @@ class FrameQueue:
             _set_membership(self._owning, key, bool(frame.own))
             is_open = not frame.is_over and not frame.is_idle
             turn = self._turn(frame) if is_open else ()
-            for kind, ready, lacking in self._heaps():
-                is_ready = kind in frame.compiled
-                for line, is_in in ((ready, is_ready), (lacking, not is_ready and not frame.is_preparing)):
+            for kind, ready, lacking, unguided in self._heaps():
+                is_prepared, lacks_guide = kind in frame.compiled, frame.lacks_guide(kind)
+                is_lacking = not is_prepared and not frame.is_preparing
+                for line, is_in in (
+                    (ready, is_prepared and not lacks_guide),
+                    (lacking, is_lacking),
+                    (unguided, is_prepared and lacks_guide),
+                ):
                     if is_open and is_in:
                         line.put(key, turn)
                     else:
                         line.drop(key)
         return not self._changed
 
-    def _heaps(self) -> Iterator[tuple[str, FrameHeap, FrameHeap]]:
+    def _heaps(self) -> Iterator[tuple[str, FrameHeap, FrameHeap, FrameHeap]]:
         for kind, ready in self._ready.items():
-            yield kind, ready, self._lacking[kind]
+            yield kind, ready, self._lacking[kind], self._unguided[kind]
 
 
 def _set_membership(among: dict[int, None], key: int, is_in: bool) -> None:

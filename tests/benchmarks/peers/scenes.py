@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,9 @@ from renderer.scene.load import read
 from renderer.settings import RenderSettings, View
 from tests.benchmarks.peers.meshes import checks, displaced_sphere, torus
 from tests.benchmarks.peers.sizes import Sizes
-from tests.helpers import ROOT
 from tests.renderer.builders import gray, square
+
+ROOT = Path(__file__).resolve().parents[3]  # not of tests.helpers, whose packages a bare machine with a card lacks
 
 __all__ = ["CASES", "DEPTH", "Case", "displaced", "many_lights"]
 

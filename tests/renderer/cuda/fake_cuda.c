@@ -1,16 +1,22 @@
 /* A driver for tests, with the part of CUDA's API that renderer/cuda/driver.py calls. The card's memory is this process's.
-   A module is a shared object, named by $FAKE_CUDA_KERNEL, whose launch_NAME(job, threads) runs all threads of kernel NAME in order.
-   $FAKE_CUDA_CARDS: a card each, NAME:MAJOR:MINOR:MEGABYTES, separated by commas. $FAKE_CUDA_VERSION: such as 12010. */
+   A module is a shared object, named by $FAKE_CUDA_KERNEL, whose launch_NAME(job, threads) runs all threads of kernel NAME in order;
+   in a folder of that name it is the file LENGTH.so, by the length of the module's PTX.
+   $FAKE_CUDA_CARDS: a card each, NAME:MAJOR:MINOR:MEGABYTES, separated by commas. $FAKE_CUDA_VERSION: such as 12010.
+   $FAKE_CUDA_UUID: a number that is added to the identity of each card.
+   $FAKE_CUDA_FAULT: abort:NAME, fail:NAME or hang:NAME, which the launch of kernel NAME does. */
 #include <dlfcn.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
-enum { OUT_OF_MEMORY = 2, NO_DEVICE = 100, INVALID_CONTEXT = 201, INVALID_PTX = 218 };
+enum { OUT_OF_MEMORY = 2, NO_DEVICE = 100, INVALID_CONTEXT = 201, INVALID_PTX = 218, LAUNCH_FAILED = 719 };
 typedef void (*Launch)(void *, int64_t);
 
 static size_t used;
+static void *faulty; /* the kernel of $FAKE_CUDA_FAULT */
 static __thread void *current; /* context, of each thread */
 #define NEEDS_CONTEXT if (!current) return INVALID_CONTEXT
 
@@ -36,11 +42,13 @@ int cuDriverGetVersion(int *version) {
   return 0;
 }
 int cuGetErrorName(int code, const char **text) {
-  *text = code == OUT_OF_MEMORY ? "CUDA_ERROR_OUT_OF_MEMORY" : code == NO_DEVICE ? "CUDA_ERROR_NO_DEVICE" : "CUDA_ERROR_INVALID_PTX";
+  *text = code == OUT_OF_MEMORY ? "CUDA_ERROR_OUT_OF_MEMORY" : code == NO_DEVICE ? "CUDA_ERROR_NO_DEVICE" :
+          code == LAUNCH_FAILED ? "CUDA_ERROR_LAUNCH_FAILED" : "CUDA_ERROR_INVALID_PTX";
   return 0;
 }
 int cuGetErrorString(int code, const char **text) {
-  *text = code == OUT_OF_MEMORY ? "out of memory" : code == NO_DEVICE ? "no CUDA-capable device is detected" : "PTX is invalid";
+  *text = code == OUT_OF_MEMORY ? "out of memory" : code == NO_DEVICE ? "no CUDA-capable device is detected" :
+          code == LAUNCH_FAILED ? "unspecified launch failure" : "PTX is invalid";
   return 0;
 }
 int cuDeviceGetCount(int *count) {
@@ -65,6 +73,11 @@ int cuDeviceGetAttribute(int *value, int which, int handle) {
   long megabytes;
   card(handle, name, &major, &minor, &megabytes);
   *value = which == 75 ? major : which == 76 ? minor : 1;
+  return 0;
+}
+int cuDeviceGetUuid(char *uuid, int handle) {
+  const char *text = getenv("FAKE_CUDA_UUID");
+  memset(uuid, handle + 1 + (text ? atoi(text) : 0), 16);
   return 0;
 }
 int cuDeviceTotalMem_v2(size_t *bytes, int handle) {
@@ -112,18 +125,34 @@ int cuModuleLoadDataEx(void **module, const char *ptx, unsigned count, int *opti
       if (options[k] == 5) strcpy(values[k], "ptxas: there is no entry");
     return INVALID_PTX;
   }
-  *module = dlopen(getenv("FAKE_CUDA_KERNEL"), RTLD_NOW | RTLD_LOCAL);
+  const char *path = getenv("FAKE_CUDA_KERNEL");
+  char file[4096];
+  struct stat about;
+  if (path && !stat(path, &about) && S_ISDIR(about.st_mode)) {
+    snprintf(file, sizeof file, "%s/%zu.so", path, strlen(ptx));
+    path = file;
+  }
+  *module = dlopen(path, RTLD_NOW | RTLD_LOCAL);
   return *module ? 0 : INVALID_PTX;
 }
 int cuModuleUnload(void *module) { return 0; }
 int cuModuleGetFunction(void **function, void *module, const char *name) {
   char launch[128];
   snprintf(launch, sizeof launch, "launch_%s", name);
-  return *function = dlsym(module, launch), *function ? 0 : INVALID_PTX;
+  *function = dlsym(module, launch);
+  const char *fault = getenv("FAKE_CUDA_FAULT"), *colon = fault ? strchr(fault, ':') : NULL;
+  if (colon && !strcmp(colon + 1, name)) faulty = *function;
+  return *function ? 0 : INVALID_PTX;
 }
 int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz, unsigned bx, unsigned by, unsigned bz, unsigned shared,
                    void *stream, void **arguments, void **extra) {
   NEEDS_CONTEXT;
+  if (function == faulty) {
+    const char *fault = getenv("FAKE_CUDA_FAULT");
+    if (*fault == 'a') abort();
+    if (*fault == 'f') return LAUNCH_FAILED;
+    for (;;) pause();
+  }
   ((Launch)function)(arguments[0], *(int64_t *)arguments[1]);
   return 0;
 }

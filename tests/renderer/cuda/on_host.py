@@ -10,16 +10,16 @@ import functools
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import llvmlite.binding as llvm
 import pytest
 
-from renderer.cuda.artefacts import card_module_of
+from renderer.cuda.artefacts import card_module_of, ptx_of
 from renderer.kernel.backends.cuda.atomics import RESERVE_CODE
 
-__all__ = ["card_module", "fake_driver", "launcher", "shared_object", "warp"]
+__all__ = ["card_module", "fake_driver", "launcher", "shared_object", "shared_objects", "warp"]
 
 _REGISTERS = {"tid": "load i32, ptr @thread", "ctaid": "add i32 0, 0", "ntid": "add i32 1, 0"}
 # Runs all threads of a launch in sequence, each as if it were alone in the first block.
@@ -53,6 +53,13 @@ define internal i32 @warp_activemask() { ret i32 1 }
 define internal i32 @warp_match(i32 %mask, i32 %value) { ret i32 %mask }
 define internal i32 @warp_shfl(i32 %mask, i32 %value, i32 %lane, i32 %clamp) { ret i32 %value }
 define internal i32 @warp_lanemask_lt() { ret i32 0 }
+"""
+_UNFUSED = """
+define internal float @unfused(float %a, float %b, float %c) {
+  %product = fmul float %a, %b
+  %sum = fadd float %product, %c
+  ret float %sum
+}
 """
 _ENTRY = re.compile(r"^define .*ptx_kernel .*@(\w+)\(", re.MULTILINE)
 _REMOVED = (
@@ -93,16 +100,25 @@ def fake_driver(folder: Path) -> Path:
     return library
 
 
-def shared_object(variant: str, folder: Path) -> Path:
+def shared_object(variant: str, folder: Path, unfused: str = "") -> Path:
     """Writes a variant's kernels as the shared object that fake_cuda.c loads, and returns its path.
 
+    unfused: name of a kernel that rounds the products of its fused operations, as a driver that does not keep to its PTX would.
     Skips the test if there is no C compiler.
     """
     code = folder / f"{variant}.o"
-    code.write_bytes(_machine_code(variant))
+    code.write_bytes(_machine_code(variant, unfused))
     library = folder / f"{variant}.so"
     _linked([str(code)], library)
     return library
+
+
+def shared_objects(variants: Iterable[str], folder: Path, unfused: str = "") -> Path:
+    """Writes the kernels of variants into a folder as fake_cuda.c finds them, by the length of their PTX; returns the folder."""
+    folder.mkdir()
+    for variant in variants:
+        shared_object(variant, folder, unfused).rename(folder / f"{len(ptx_of(variant))}.so")
+    return folder
 
 
 def warp(folder: Path) -> Callable[[int, int, int, int], None]:
@@ -125,9 +141,16 @@ def _linked(arguments: list[str], library: Path) -> None:
 
 
 @functools.cache
-def _machine_code(variant: str) -> bytes:
-    """Returns the object file of a variant's kernels for this CPU, each with a function launch_NAME; made once for all tests."""
+def _machine_code(variant: str, unfused: str = "") -> bytes:
+    """Returns the object file of a variant's kernels for this CPU, each with a function launch_NAME; made once for all tests.
+
+    unfused: as for `shared_object`.
+    """
     text = str(card_module(variant))
+    if unfused:
+        whole = re.search(rf"^define [^\n]*ptx_kernel [^\n]*@{unfused}\(.*?^}}", text, re.MULTILINE | re.DOTALL)
+        assert whole is not None
+        text = text.replace(whole[0], whole[0].replace("@llvm.fma.f32(", "@unfused(")) + _UNFUSED
     for pattern in _REMOVED:
         text = re.sub(pattern, "", text, flags=re.MULTILINE)
     text = re.sub(r"call (?:range\([^)]*\) )?i32 @llvm\.nvvm\.read\.ptx\.sreg\.(\w+)\.x\(\)", r"call i32 @register_\1()", text)

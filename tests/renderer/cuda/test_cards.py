@@ -73,7 +73,8 @@ def test_outdated_driver_is_reported(library: str, with_cards: pytest.MonkeyPatc
 def test_unsupported_card_is_reported_beside_a_usable_one(library: str, with_cards: pytest.MonkeyPatch) -> None:
     with_cards.setenv("FAKE_CUDA_CARDS", f"{OLD},{NEW}")
     cards = find_cards(library)
-    assert cards.usable == [Card(1, "RTX Test", (8, 6), 8 << 30, 1)]
+    assert cards.usable == [Card(1, "RTX Test", (8, 6), 8 << 30, 1, "02" * 16, cards.usable[0].driver)]
+    assert cards.usable[0].driver.endswith(" (CUDA 13.0)")
     assert cards.refused == [
         "Card 0: GTX Test, 4 GiB, compute capability 6.1 is not used: Rayfarm needs compute capability 7.0 or higher."
     ]
@@ -115,6 +116,8 @@ def test_gpu_option_selects_cards(library: str, with_cards: pytest.MonkeyPatch) 
     cards = find_cards(library)
     both = cards.usable
     assert chosen_cards("none", cards) == ([], True)
+    assert chosen_cards("auto", cards) == (both, True)
+    assert chosen_cards("auto", cards._replace(usable=[])) == ([], True)
     assert chosen_cards("all", cards) == (both, True)
     assert chosen_cards("only", cards) == (both, False)
     assert chosen_cards("1", cards) == (both[1:], True)
@@ -329,7 +332,7 @@ def test_card_results_of_a_worker_message_equal_the_cpu(card: CardRenderer, monk
     worker: Any = SimpleNamespace(name="w", cards=(card.card,), results=SimpleNamespace(send=sent.append))
     monkeypatch.setattr(slot_card, "_cards", {card.card.number: card})
     monkeypatch.setattr(slot_card, "mapped_scene", lambda worker, sha256: scene)
-    card.load("plain")
+    card.load("plain")  # which is then tested already
     parts = [RenderBatch(str(k), "job", 0, "0" * 64, tile, 1, 3, settings) for k, tile in enumerate(tiles)]
     blocks: set[Tile] = set()
     slot_card.render_on_card(worker, CardBatches(tuple(parts)), lambda block, is_compiling: blocks.add(block.tile))

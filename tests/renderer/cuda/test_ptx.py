@@ -36,8 +36,11 @@ OTHERS = 256, 64, 255
 MEASURED = re.compile(
     r"Function properties for (\w+)\n\s+(\d+) bytes stack frame, (\d+) bytes spill stores.*\n.*Used (\d+) registers"
 )
-# Variants with what settings add to them.
-WITH_SETTINGS = "full-spectral", "media-spectral", "full-guided", "full-paths-groups", "full-caustics", "aimed-caustics"
+# Variants with what settings add to them: in the ordinary forms, and the largest.
+WITH_SETTINGS = (
+    *("full-spectral", "media-spectral", "linked-spectral", "visibility-spectral", "moving-catchers-spectral"),
+    *("full-guided", "full-paths-groups", "full-caustics", "aimed-caustics"),
+)
 OF_WARP = "activemask.b32", "match.any.sync.b32", "shfl.sync.idx.b32"
 
 

@@ -38,16 +38,25 @@ def test_a_hole_through_which_light_comes_is_a_portal():
     assert np.linalg.norm(first[PORTAL_CENTER : PORTAL_CENTER + 3] - HOLE) < 0.6 and first[PORTAL_RADIUS] < 0.6
     seen = guide.radiance[guide.radiance[:, OTHER_RADIANCE] > 0]
     assert seen[:, 0].mean() > 20 * seen[:, OTHER_RADIANCE].mean()
-    assert moment_left(guide, _segments(20_000, 2, 200.0)) < 0.6 * MOST_LEFT_BY_PORTALS
+    left, error = moment_left(guide, _segments(20_000, 2, 200.0))
+    assert left < 0.6 * MOST_LEFT_BY_PORTALS and error < 0.1
 
 
 def test_even_light_has_no_portal_that_is_of_use():
     guide = learn_portals(_segments(20_000, 1, 1.0))
-    assert guide is None or moment_left(guide, _segments(20_000, 2, 1.0)) > MOST_LEFT_BY_PORTALS
+    assert guide is None or moment_left(guide, _segments(20_000, 2, 1.0))[0] > MOST_LEFT_BY_PORTALS
     dark = _segments(1_000, 3, 1.0)._replace(radiance=np.zeros(1_000))
     assert learn_portals(dark) is None
-    assert guide is None or moment_left(guide, dark) == 1
+    assert guide is None or moment_left(guide, dark) == (1, 0)
     assert learn_portals(Segments(*(column[:0] for column in dark))) is None
+
+
+def test_the_error_of_the_moment_left_is_that_of_repetitions():
+    guide = learn_portals(_segments(20_000, 1, 200.0))
+    assert guide is not None
+    found = np.array([moment_left(guide, _segments(2_000, 10 + k, 200.0)) for k in range(40)])
+    spread, error = found[:, 0].std(ddof=1), np.sqrt((found[:, 1] ** 2).mean())
+    assert 0.6 * spread < error < 1.6 * spread
 
 
 def test_a_scene_is_as_lit_as_segments_find_light():

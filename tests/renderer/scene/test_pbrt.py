@@ -8,8 +8,13 @@ import re
 import numpy as np
 import pytest
 
+from renderer.arrays import rows
+from renderer.arrays.kernel_variant import variant_of
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
+from renderer.scene.compile import compile_scene
+from renderer.scene.curve_meshes import has_curves, with_tubes
+from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.load import Shot, read
 from renderer.scene.studio import NO_LIGHTS_WARNING
 from tests.renderer.scene.pbrt_files import BALL, HEAD, SQUARE, world
@@ -192,7 +197,7 @@ def test_motion_while_the_shutter_is_open(tmp_path):
         ('MakeNamedMaterial "m" "string type" "diffuse"\n' * 2 + BALL, "line 10: The material 'm' is redefined"),
         ('Texture "t" "float" "constant"\n' * 2 + BALL, "line 10: The texture 't' is redefined"),
         ('MakeNamedMedium "m" "string type" "homogeneous"\n' * 2 + BALL, "line 10: The medium 'm' is redefined"),
-        ('Shape "curve" "point3 P" [0 0 0 1 0 0 1 1 0 2 1 0] "float width" .1', "curves of type flat"),
+        ('Shape "curve" "point3 P" [0 0 0 1 0 0 1 1 0 2 1 0] "string type" "square"', "curves of type square"),
     ],
 )
 def test_unsupported_content_is_named_with_its_line(pbrt, inside, sentence):
@@ -305,9 +310,23 @@ def test_ribbon_curves(pbrt):
         pbrt(f'{curve} "normal N" [0 1 0 0 0 1]')
     found = pbrt(f'Material "hair" {curve} {normals}')
     assert found.meshes[0].diameters is not None
-    flat = pbrt(f'Material "hair" Shape "curve" "point3 P" [{points}]')
-    assert flat.meshes[0].diameters is not None
-    assert not any("curves" in warning for warning in flat.warnings)
+
+
+def test_flat_curves(pbrt):
+    """Flat curves, the default, are segments that face each ray, or round ones if they are hair; cylinders are tubes."""
+    points = "0 0 0 1 0 0 1 1 0 2 1 0"
+    of = {kind: f'Shape "curve" "point3 P" [{points}] "float width" .1 "string type" "{kind}"' for kind in ("flat", "cylinder")}
+    found = pbrt(f'{of["flat"]} {of["cylinder"]} Shape "curve" "point3 P" [{points}]')
+    assert [(mesh.flat, has_curves(mesh)) for mesh in found.meshes] == [(True, True), (False, False)]
+    assert found.warnings == [NO_LIGHTS_WARNING]
+    compiled = compile_scene(found)
+    assert variant_of(compiled) == "hair" and (compiled.material_flags & rows.FLAT_CURVES).any()
+    flat, tubes = (with_tubes(found, ShotCache()).meshes[k] for k in (0, 1))
+    assert has_curves(flat) and not has_curves(tubes)
+    hair = pbrt(f'Material "hair" {of["flat"]}')
+    assert has_curves(hair.meshes[0]) and not any("curves" in warning for warning in hair.warnings)
+    lit = pbrt(f'AreaLightSource "diffuse" {of["flat"]}')
+    assert not has_curves(with_tubes(lit, ShotCache()).meshes[-1])
 
 
 def test_recursive_and_huge_input_terminates(pbrt):

@@ -241,7 +241,7 @@ def test_read_only_member_cannot_change_content(people: People) -> None:
             if thing is None or method in ("GET", "WS"):
                 continue
             answer = people.ben.request(method, path_of(pattern, ids[thing[0]]))
-            assert (answer.status_code, "but not change it. Ask who runs the farm" in answer.text) == (403, True), (
+            assert (answer.status_code, "but not change it. Ask the administrator of this farm" in answer.text) == (403, True), (
                 method,
                 pattern,
                 answer.text,
@@ -260,7 +260,7 @@ def test_read_only_member_cannot_change_content(people: People) -> None:
         assert [answer.status_code for answer in refused] == [403] * len(refused), [answer.text for answer in refused]
         many = checked_json(people.ben.post("/api/jobs/changes", json={"jobs": [ids["job"]], "state": "deleted"}), 200)
         assert (many["changed"], len(many["refused"])) == ([], 1)
-        assert "but not change it. Ask who runs the farm" in many["refused"][0]["why"]
+        assert "but not change it. Ask the administrator of this farm" in many["refused"][0]["why"]
         checked_json(people.ben.post("/api/scenes", files={"files": ("mine.obj", OBJ + b"# his\n")}), 201)
         assert people.anna.get(f"/api/jobs/{ids['job']}").json()["name"] == HIDDEN
 

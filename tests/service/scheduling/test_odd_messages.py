@@ -43,6 +43,7 @@ SENSE: dict[str, dict[str, Any]] = {
     "batch-returned": {**BATCH, "error": "an error"},
     "denoised": {"work": "w", "sha256": SHA, "version": "1", "samples": 1},
     "vectors-made": {"work": "w", "sha256": SHA},
+    "path-guide-trained": {"work": "w", "sha256": SHA},
     "prepare-started": {"kind": "test-kind"},
     "prepare-progress": {"kind": "test-kind", "step": "x", "fraction": 0.5},
     "prepared": {"kind": "test-kind", "info": INFO},

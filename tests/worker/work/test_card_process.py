@@ -10,11 +10,12 @@ import pytest
 from protocol.card import RENDER_ON_CARD, CardBatches, card_queue
 from protocol.contract import RenderBatch, SceneInfo
 from protocol.sums import unpack_sums
+from renderer.cuda.verdicts import START_KERNELS
 from renderer.render import render_batch
 from renderer.scene import compiled as compiled_file
 from renderer.settings import RenderSettings, View, tiles_of
 from tests.helpers import wait_until
-from tests.renderer.cuda.on_host import fake_driver, shared_object
+from tests.renderer.cuda.on_host import fake_driver, shared_objects
 from tests.worker.bench import a_worker
 
 SCENE = """
@@ -31,7 +32,7 @@ def test_card_result_equals_cpu_result(redis_url: str, tmp_path: Path, monkeypat
     fake_driver(tmp_path)
     monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
     monkeypatch.setenv("FAKE_CUDA_CARDS", "RTX Test:8:6:8192,GTX Test:6:1:4096")
-    monkeypatch.setenv("FAKE_CUDA_KERNEL", str(shared_object("plain", tmp_path)))
+    monkeypatch.setenv("FAKE_CUDA_KERNEL", str(shared_objects(START_KERNELS, tmp_path / "kernels")))
     (tmp_path / "worker").mkdir()
     with a_worker(redis_url, tmp_path / "worker", slots=2, options=("--gpu=only",)) as bench:
         report = bench.report()

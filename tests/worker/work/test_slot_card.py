@@ -14,6 +14,7 @@ from protocol.card import CardBatches
 from protocol.contract import RenderBatch, Result
 from protocol.sums import unpack_sums
 from protocol.view_parts import Part, ViewParts
+from renderer.cuda.cards import unused_card
 from renderer.cuda.driver import Card
 from renderer.cuda.render import CardError, CardMemoryError
 from renderer.film import CHANNELS, COLOR, SAMPLES, BadSample, BatchSums
@@ -76,17 +77,22 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     launched: list[Tile] = []
     sent: list[Result] = []
+    failed_tests: dict[str, str] = {}
     monkeypatch.setattr(slot_card, "CardRenderer", Renderer)
     monkeypatch.setattr(slot_card, "render_batch", rendered)
     monkeypatch.setattr(slot_card, "variant_for", lambda settings, scene: "plain")
     monkeypatch.setattr(slot_card, "mapped_scene", lambda worker, sha256: SimpleNamespace())
     monkeypatch.setattr(slot_card, "fetch_kernel", lambda link, folder, name: (True, f"{name} fetched"))
+    monkeypatch.setattr(slot_card, "check_kernel", lambda link, card, kernel, release: failed_tests.get(kernel, ""))
+    monkeypatch.setattr(slot_card, "_failed_tests", {})
     monkeypatch.setattr(slot_card, "slot", lambda: 1)
     monkeypatch.setattr(slot_card, "_cards", {})
     monkeypatch.setattr(slot_card, "_too_large", set())
     monkeypatch.setattr(Renderer, "answer", None)
     results = SimpleNamespace(send=sent.append)
-    return SimpleNamespace(name="w", slots=2, cards=CARDS, link=object(), results=results, sent=sent, launched=launched)
+    return SimpleNamespace(
+        name="w", slots=2, cards=CARDS, link=object(), results=results, sent=sent, launched=launched, failed_tests=failed_tests
+    )
 
 
 def render(worker: Any, *batches: RenderBatch) -> list[tuple[Tile, bool]]:
@@ -142,12 +148,30 @@ def test_settings_are_part_of_the_kernel(worker: Any, monkeypatch: pytest.Monkey
     loaded: list[str] = []
     monkeypatch.setattr(slot_card, "fetch_kernel", lambda link, folder, name: (True, str(loaded.append(name))))
     render(worker, BATCH)
-    warm: list[str] = []
-    monkeypatch.setattr(slot_card, "warm_up_guide", lambda settings, variant: warm.append(f"{variant} {settings.guiding}"))
-    for more in ({"spectral": "on"}, {"guiding": "auto"}):
+
+    def without_guide(settings: RenderSettings, scene: Any, prepare_pilot: Any) -> RenderSettings:
+        return replace(settings, guiding="off") if settings.guiding == "auto" else settings
+
+    monkeypatch.setattr(slot_card, "settings_as_rendered", without_guide)
+    for more in ({"spectral": "on"}, {"guiding": "auto"}, {"guiding": "on"}):
         render(worker, replace(BATCH, settings=replace(SETTINGS, **more)))
-    assert loaded == ["cuda-plain", "cuda-plain-spectral", "cuda-plain-guided"]
-    assert warm == ["plain off", "plain auto"]
+    assert loaded == ["cuda-plain", "cuda-plain-spectral", "cuda-plain-guided"], "auto is refused, so it has the plain kernel"
+
+
+def test_card_that_fails_the_test_of_a_kernel_is_not_used_again(worker: Any, caplog: Any) -> None:
+    """The kernel for spectral pictures computes other bits, after the plain one was rendered with."""
+    render(worker, BATCH)
+    assert worker.sent.pop().event["type"] == "batch"
+    reason = unused_card(CARDS[1], "it computed other bits")
+    worker.failed_tests["plain-spectral"] = reason
+    with caplog.at_level(logging.WARNING, "worker"):
+        render(worker, replace(BATCH, settings=replace(SETTINGS, spectral="on")))
+    assert caplog.messages == [reason]
+    for more in ({"spectral": "on"}, {}):
+        render(worker, replace(BATCH, settings=replace(SETTINGS, **more)))
+    assert [each.event["error"] for each in worker.sent] == [reason] * 3
+    assert returned_batches(worker) == [("batch-returned", True, "card-unused")] * 3
+    assert len(worker.launched) == 1
 
 
 def test_discarded_samples_belong_to_their_tile(worker: Any) -> None:

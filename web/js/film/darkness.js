@@ -1,21 +1,36 @@
 /**
- * Detects pictures that look black on a screen although they have light, by the same rule as
- * renderer/image/darkness.py.
+ * Detects pictures that look black on a screen although they have light, by the same rule as renderer/image/darkness.py, and
+ * chooses the exposure of a picture whose light has changed.
  */
 
-/** @typedef {import("./film.js").Film} Film */
+/** @typedef {ReturnType<import("./film.js").Film["brightness"]>} Brightness */
 
 /** Fraction of white below which a picture looks black. */
 const DARK = 0.01;
+/** Mean luminance of a well exposed picture, that of a grey card; and how many stops brighter than normalised such a picture may be. */
+const [GREY, OVER] = [0.18, 1.5];
 
 /**
  * Returns how dark a film is: its brightest radiance, and the stops that make this white; null if it is bright enough, or black.
  *
- * @param {Pick<Film, "normalisingExposure">} film
+ * @param {Brightness} film
  * @returns {{brightest: number, exposure: number} | null}
  */
-export function darkness(film) {
-  const exposure = film.normalisingExposure();
-  if (exposure === null || 2 ** -exposure >= DARK) return null;
-  return { brightest: 2 ** -exposure, exposure: Math.floor(2 * exposure) / 2 };
+export function darkness({ white }) {
+  if (white <= 0 || white >= DARK) return null;
+  return { brightest: white, exposure: Math.floor(-2 * Math.log2(white)) / 2 };
+}
+
+/**
+ * Returns the stops that make a dark or dull film well exposed: its brightest pixels white, and a mean that is still dark brighter.
+ * Half stops, rounded down; 0 for a film that is bright enough, or black.
+ *
+ * @param {Brightness} film
+ * @returns {number}
+ */
+export function autoExposure({ white, mean }) {
+  if (white <= 0) return 0;
+  const normalising = -Math.log2(white);
+  const exposure = Math.max(normalising, Math.min(Math.log2(GREY / mean), normalising + OVER));
+  return Math.max(0, Math.floor(2 * exposure) / 2);
 }

@@ -1,13 +1,13 @@
 /** The page's copy of a frame: the mean of every pixel as RGB9E5, with its number of samples. */
 
-import { decode, peak } from "./rgb9e5.js";
+import { decode } from "./rgb9e5.js";
 
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
 
-/** Approximate number of pixels used for normalising: enough for a percentile, and fast at 8k. */
-const NORMALISE_PIXELS = 250_000;
+/** Approximate number of pixels whose brightness is looked at: enough for a percentile, and fast at 8k. */
+const BRIGHTNESS_PIXELS = 100_000;
 /** The brightest 0.5 % (lamps, fireflies) may clip. */
-const NORMALISE_QUANTILE = 0.995;
+const WHITE_QUANTILE = 0.995;
 
 export class Film {
   /**
@@ -123,18 +123,33 @@ export class Film {
   }
 
   /**
+   * Returns the radiance that all but the brightest pixels stay below, and the mean luminance of the pixels, none counted above that
+   * radiance; both are 0 while the film is black.
+   *
+   * @returns {{white: number, mean: number}}
+   */
+  brightness() {
+    const stride = Math.max(1, Math.floor(this.words.length / BRIGHTNESS_PIXELS));
+    const peaks = [];
+    const luminances = [];
+    for (let i = 0; i < this.words.length; i += stride) {
+      if (!this.samples[i]) continue;
+      const [r, g, b] = decode(this.words[i] ?? 0);
+      peaks.push(Math.max(r, g, b));
+      luminances.push(0.2126 * r + 0.7152 * g + 0.0722 * b);
+    }
+    peaks.sort((a, b) => a - b);
+    const white = peaks[Math.floor((peaks.length - 1) * WHITE_QUANTILE)] ?? 0;
+    return { white, mean: luminances.reduce((sum, each) => sum + Math.min(each, white), 0) / Math.max(luminances.length, 1) };
+  }
+
+  /**
    * Returns the exposure in stops that maps all but the brightest pixels below 1; null while the film is black.
    *
    * @returns {number | null}
    */
   normalisingExposure() {
-    const stride = Math.max(1, Math.floor(this.words.length / NORMALISE_PIXELS));
-    const peaks = [];
-    for (let i = 0; i < this.words.length; i += stride) {
-      if (this.samples[i]) peaks.push(peak(this.words[i] ?? 0));
-    }
-    peaks.sort((a, b) => a - b);
-    const white = peaks[Math.floor((peaks.length - 1) * NORMALISE_QUANTILE)] ?? 0;
+    const { white } = this.brightness();
     return white > 0 ? -Math.log2(white) : null;
   }
 }

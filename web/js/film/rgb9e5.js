@@ -12,15 +12,6 @@ export function decode(word) {
   return [(word & 511) * scale, ((word >>> 9) & 511) * scale, ((word >>> 18) & 511) * scale];
 }
 
-/**
- * Returns the maximum of the three channels.
- *
- * @param {number} word
- */
-export function peak(word) {
-  return Math.max(word & 511, (word >>> 9) & 511, (word >>> 18) & 511) * 2 ** ((word >>> 27) - 24);
-}
-
 const float = new Float32Array(1);
 const bits = new Int32Array(float.buffer);
 /** 2 ** (24 - exponent), the factor from value to mantissa. */

@@ -94,11 +94,8 @@ export function environmentFields(first, isLightless) {
   const choices = lightChoices(
     (id) => {
       const preset = environmentOf(id)?.sky;
-      if (preset) {
-        showSun({ elevation: preset.elevation, azimuth: preset.azimuth ?? 0 });
-      }
+      if (preset) showSun({ elevation: preset.elevation, azimuth: preset.azimuth ?? 0 });
       pick(id);
-      if (id === "color" || preset || id === "sky") setOpen(opener, true);
       tell(true);
     },
     () => ask((file) => void add(file)),
@@ -111,18 +108,18 @@ export function environmentFields(first, isLightless) {
     h("legend", null, t("Light")),
     choices.element,
     note,
+    colourField,
+    sky,
     h(
       "div",
       { class: "light-rest" },
       more.element,
       h("div", { class: "row spread" }, hint, remove),
-      colourField,
-      sky,
       h("div", { class: "light-sliders" }, numbers.map(({ element }) => element)),
     ),
     opener,
   );
-  setOpen(opener, kind !== "own" || numbers.some(({ setting, get }) => get() !== setting.default));
+  setOpen(opener, numbers.some(({ setting, get }) => get() !== setting.default));
 
   /** @param {{elevation: number, azimuth: number}} next as the sky has it */
   function showSun(next) {
@@ -141,7 +138,7 @@ export function environmentFields(first, isLightless) {
     const presets = known.filter((each) => each.kind === "preset").map((each) => ({ ...each, name: t(each.name), help: t(each.help) }));
     const noon = presets.find(({ id }) => id === NOON);
     const clear = { ...SKY, ...(noon && { picture: shownAs(noon).picture }) };
-    const all = [...ALWAYS.map((light) => (light.id === "own" && isLightless ? STAND_IN : light)), ...presets.filter(({ environment }) => !environment.sky).map(shownAs), clear, ...presets.filter(({ environment }) => environment.sky).map(shownAs), ...known.filter((each) => each.kind === "image").map(shownAs)];
+    const all = [...ALWAYS.map((light) => (light.id === "own" && isLightless ? STAND_IN : light)), ...presets.filter(({ environment }) => !environment.sky).map(shownAs), clear, ...presets.filter(({ environment }) => environment.sky).map(shownAs), ...known.filter((each) => each.kind === "image").map((each) => ({ ...shownAs(each), label: each.name.replace(/\.\w+$/, "") }))];
     const place = (/** @type {Light} */ { id }) => (FIRST.indexOf(id) + 1 || FIRST.length + 1);
     return all.sort((a, b) => place(a) - place(b));
   };

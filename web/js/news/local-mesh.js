@@ -1,24 +1,40 @@
 /** The mesh of the latest upload, read in the browser: it is drawn before the service has read the file. */
 
-/** @typedef {import("./glb-mesh.js").LocalMesh} LocalMesh */
+import { getInfo } from "./api.js";
 
-/** Larger files are left to the service, to limit the page's memory. */
+/** @typedef {import("../mesh/shapes.js").LocalMesh} LocalMesh */
+/** @typedef {import("../shell/gather-files.js").NamedFile} NamedFile */
+
+/** Larger uploads are left to the service, to limit the page's memory. */
 const MOST_BYTES = 512 * 1024 * 1024;
+/** Files that the page reads itself, or may find in an archive. */
+const READ_HERE = /\.(fbx|glb|gltf|obj|ply|stl|zip)$/i;
 
 /** @type {{scene: string, mesh: Promise<LocalMesh | null>} | null} */
 let latest = null;
 
+/** A worker for the next upload, which loads its modules meanwhile. @type {Worker | null} */
+let spare = null;
+
+/** Prepares for an upload that is likely: files are dragged over the page or chosen. */
+export function prepareReader() {
+  spare ??= new Worker(new URL("../mesh/mesh-worker.js", import.meta.url), { type: "module" });
+}
+
 /**
- * Starts reading an upload that is a single GLB file.
+ * Starts reading an upload.
  *
- * @param {File[]} files
- * @returns {Promise<LocalMesh | null>} null for other uploads, and for files that only the service can read
+ * @param {NamedFile[]} files
+ * @param {string} [main] the scene's file, if it is known
+ * @returns {Promise<LocalMesh | null>} null for uploads that only the service can read
  */
-export function readLocally(files) {
-  const [file, ...others] = files;
-  if (!file || others.length || !file.name.toLowerCase().endsWith(".glb") || file.size > MOST_BYTES) return Promise.resolve(null);
+export async function readLocally(files, main) {
+  if (!files.some(({ path }) => READ_HERE.test(path)) || files.reduce((sum, { file }) => sum + file.size, 0) > MOST_BYTES) return null;
+  prepareReader();
+  const worker = /** @type {Worker} */ (spare);
+  spare = null;
+  const { formats } = await getInfo();
   return new Promise((resolve) => {
-    const worker = new Worker(new URL("./glb-worker.js", import.meta.url), { type: "module" });
     /** @type {((image: ImageBitmap | null) => void)[]} textures that are still being decoded */
     const awaited = [];
     const end = () => {
@@ -35,12 +51,15 @@ export function readLocally(files) {
       if (!data || !awaited.length) end();
     };
     worker.onerror = end;
-    worker.postMessage(file);
+    worker.postMessage({ files, formats, main });
   });
 }
 
 /** Keeps the mesh of an uploaded scene. @param {string} scene its id @param {Promise<LocalMesh | null>} mesh */
 export const keepLocal = (scene, mesh) => (latest = { scene, mesh });
+
+/** Whether a scene is the latest upload of this page. @param {string} scene its id */
+export const isLocal = (scene) => latest?.scene === scene;
 
 /** Returns the mesh that was read locally for a scene. @param {string} scene its id @returns {Promise<LocalMesh | null>} */
 export const localMeshOf = async (scene) => (latest?.scene === scene ? latest.mesh : null);

@@ -18,7 +18,10 @@ import { MESH_HEAD_BYTES, decodeMeshHead } from "../base/protocol.js";
  * @property {Float32Array} [uvs] two a vertex; absent: no textures
  * @property {MeshPart[]} [parts] all triangles, with the textures that `uvs` are for
  * @property {Promise<ImageBitmap | null>[]} [textures] by number; null: it cannot be shown
+ * @property {Lamp[]} [lamps] absent: not known
  */
+
+/** A lamp. at: its place, or if it is far away the direction to it; color: linear, its irradiance at the middle of the scene in proportion to that of the others. @typedef {{at: Vec3, isFar: boolean, color: Vec3}} Lamp */
 
 /** A range of `indices`, its texture (-1: none), and the alpha below which nothing is seen. @typedef {{first: number, count: number, texture: number, cutoff: number}} MeshPart */
 

@@ -15,9 +15,9 @@ const KEY = "rayfarm-view-noise";
  * @param {boolean} [isPreview] whether the preview mesh or an earlier picture is shown in its place
  */
 export function clarity(mean, noise, isDone, isPreview = false) {
-  if (isPreview) return t("Preview, rendering …");
-  if (!mean) return t("Waiting for the first samples …");
   const samples = t("{n} spp", { n: mean < 10 ? Number(mean.toPrecision(2)) : Math.round(mean) });
+  if (isPreview) return mean ? t("Preview, {samples} rendered …", { samples }) : t("Preview, rendering …");
+  if (!mean) return t("Waiting for the first samples …");
   const left = noise === null ? "" : t("{noise} noise", { noise: percent(noise) });
   return [samples, left, isDone && t("done")].filter(Boolean).join(", ");
 }

@@ -19,9 +19,14 @@ uniform sampler2D kept;
 uniform highp sampler2D keptDepth;
 uniform sampler2D keptShade;
 uniform mat4 keptClip;
-uniform vec3 keptEye;
+uniform vec4 keptEye; // its place, with 1, or of an orthographic camera the direction to it, with 0
+uniform vec4 seenEye;
 uniform float softness;
 const float SLACK = 0.012; // of the distance, within which two points are one: the mesh is simplified
+const float FLAT_SLACK = 0.03; // of the scene's depth in an orthographic picture, about as much
+vec3 wayTo(vec4 camera, vec3 place) {
+  return normalize(camera.xyz - camera.w * place);
+}
 // Part of the points around uv, so far away in widths of the picture, in which the mesh is not nearer than z.
 float open(float z, vec2 uv, float margin) {
   vec2 size = vec2(textureSize(keptDepth, 0));
@@ -47,10 +52,14 @@ vec4 keptAt(vec3 place, vec3 n, float margin) {
   vec2 edge = smoothstep(vec2(0.0), vec2(0.001 + 0.05 * softness), min(uv, 1.0 - uv));
   float slope = length(vec3(keptClip[0].z, keptClip[1].z, keptClip[2].z));
   float z = at.z / at.w;
-  float near = open(min(z - SLACK * abs(z - slope), 1.0) - 1e-6, uv, margin);
+  float slack = keptEye.w > 0.5 ? SLACK * abs(z - slope) : FLAT_SLACK;
+  float near = open(min(z - slack, 1.0) - 1e-6, uv, margin);
   if (margin > 0.0) near = smoothstep(0.85, 1.0, near);
-  float facing = abs(dot(n, normalize(keptEye - place)));
-  float weight = edge.x * edge.y * near * mix(1.0, smoothstep(0.05, 0.35, facing), softness);
+  float facing = abs(dot(n, wayTo(keptEye, place)));
+  float sharp = smoothstep(0.05, 0.35, facing);
+  // Where the picture would be stretched more than about twice, the mesh shows more. The floor, which has a margin, shows nothing of its own.
+  if (margin == 0.0) sharp *= smoothstep(0.3, 0.6, facing / max(abs(dot(n, wayTo(seenEye, place))), 0.05));
+  float weight = edge.x * edge.y * near * mix(1.0, sharp, softness);
   return vec4(textureLod(kept, uv, 0.0).rgb, weight);
 }`;
 
@@ -117,13 +126,15 @@ void main() {
     pixel = vec4(texture(kept, 0.5 + 0.5 * at).rgb, 1.0);
     return;
   }
-  vec3 way = normalize(forward + at.x * across + at.y * upward);
+  vec3 aside = at.x * across + at.y * upward;
+  vec3 from = seenEye.w > 0.5 ? eye : eye + aside;
+  vec3 way = normalize(seenEye.w > 0.5 ? forward + aside : forward);
   vec3 color = distant(way);
   float fall = dot(way, above);
-  float away = reach > 0.0 && abs(fall) > 1e-5 ? (floorHeight - dot(eye, above)) / fall : -1.0;
+  float away = reach > 0.0 && abs(fall) > 1e-5 ? (floorHeight - dot(from, above)) / fall : -1.0;
   if (away > 0.0) {
-    vec4 lying = keptAt(eye + away * way, above, MARGIN);
-    if (lying.a < 1.0) lying = filled(eye + away * way, lying);
+    vec4 lying = keptAt(from + away * way, above, MARGIN);
+    if (lying.a < 1.0) lying = filled(from + away * way, lying);
     color = mix(color, lying.rgb, lying.a * (1.0 - smoothstep(0.5 * reach, reach, away)));
   }
   pixel = vec4(color, 1.0);
@@ -139,12 +150,14 @@ export class KeptPicture {
   constructor(gl) {
     this.gl = gl;
     this.program = programOf(gl, VERTEX, FRAGMENT);
-    this.color = gl.createTexture();
-    this.depth = gl.createTexture();
-    /** The mesh as the picture's camera sees it, without the picture. */
-    this.shade = gl.createTexture();
-    /** The picture without the mesh, as BEHIND writes it. */
-    this.behind = gl.createTexture();
+    /** @type {WebGLTexture | null} */
+    this.color = null;
+    /** @type {WebGLTexture | null} */
+    this.depth = null;
+    /** The mesh as the picture's camera sees it, without the picture. @type {WebGLTexture | null} */
+    this.shade = null;
+    /** The picture without the mesh, as BEHIND writes it. @type {WebGLTexture | null} */
+    this.behind = null;
     this.behindProgram = programOf(gl, VERTEX, BEHIND);
     this.frame = gl.createFramebuffer();
     this.behindFrame = gl.createFramebuffer();
@@ -159,6 +172,10 @@ export class KeptPicture {
     const { gl } = this;
     this.view = view;
     this.hasDepth = false;
+    this.color ??= gl.createTexture();
+    this.depth ??= gl.createTexture();
+    this.shade ??= gl.createTexture();
+    this.behind ??= gl.createTexture();
     [this.width, this.height] = [picture.width, picture.height];
     gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(gl.TEXTURE_2D, this.color);
@@ -168,6 +185,14 @@ export class KeptPicture {
     gl.generateMipmap(gl.TEXTURE_2D);
     smooth(gl);
     gl.activeTexture(gl.TEXTURE0);
+  }
+
+  /** Removes the picture and frees its textures; `set` gives another one. */
+  clear() {
+    for (const texture of [this.color, this.depth, this.shade, this.behind]) this.gl.deleteTexture(texture);
+    this.color = this.depth = this.shade = this.behind = null;
+    this.view = null;
+    this.hasDepth = false;
   }
 
   /** How far a camera is from the picture's: 0 the same, 1 so far that the picture is of little use. @param {View} view */
@@ -180,7 +205,8 @@ export class KeptPicture {
     const angle = Math.acos(Math.min(1, Math.max(-1, a[0] * b[0] + a[1] * b[1] + a[2] * b[2])));
     const way = Math.hypot(...view.eye.map((value, i) => value - (old.eye[i] ?? 0)));
     const away = Math.hypot(...old.eye.map((value, i) => value - (old.target[i] ?? 0))) || 1;
-    return Math.min(1, Math.max(1e-3, (angle + way / away) / 2 / FAR_TURN));
+    const zoom = isFlat(view) ? Math.abs(Math.log((view.height ?? 2) / (old.height ?? 2))) : 0;
+    return Math.min(1, Math.max(1e-3, (angle + way / away + zoom) / 2 / FAR_TURN));
   }
 
   /**
@@ -269,7 +295,9 @@ export class KeptPicture {
     gl.uniform1i(at("keptShade"), 3);
     gl.uniform1i(at("keptBehind"), 4);
     gl.uniformMatrix4fv(at("keptClip"), false, clipMatrix(view, width / height, low, high));
-    gl.uniform3fv(at("keptEye"), fromMiddle(view.eye, low, high));
+    const camera = (/** @type {View} */ of) => (isFlat(of) ? [...cameraAxes(of)[2], 0] : [...fromMiddle(of.eye, low, high), 1]);
+    gl.uniform4fv(at("keptEye"), camera(view));
+    gl.uniform4fv(at("seenEye"), camera(seen));
     gl.uniform1f(at("softness"), Math.min(1, 4 * this.distance(seen)));
   }
 
@@ -289,14 +317,16 @@ export class KeptPicture {
     const at = (/** @type {string} */ name) => gl.getUniformLocation(program, name);
     gl.useProgram(program);
     this.bind(program, mesh, seen);
-    const half = Math.tan((seen.fov * Math.PI) / 360);
+    const half = isFlat(seen) ? (seen.height ?? 2) / 2 : Math.tan((seen.fov * Math.PI) / 360);
     const [right, up, back] = cameraAxes(seen);
     const [shiftX, shiftY] = [half * 2 * (seen.shift_x ?? 0), half * 2 * (seen.shift_y ?? 0)];
     const radius = Math.hypot(...high.map((value, i) => value - (low[i] ?? 0))) / 2;
     const ground = above.map((value, i) => value * ((value > 0 ? (low[i] ?? 0) : (high[i] ?? 0)) - ((low[i] ?? 0) + (high[i] ?? 0)) / 2));
     gl.uniform1i(at("isSame"), this.distance(seen) === 0 ? 1 : 0);
-    gl.uniform3fv(at("eye"), fromMiddle(seen.eye, low, high));
-    gl.uniform3fv(at("forward"), [0, 1, 2].map((i) => shiftX * (right[i] ?? 0) + shiftY * (up[i] ?? 0) - (back[i] ?? 0)));
+    const shift = [0, 1, 2].map((i) => shiftX * (right[i] ?? 0) + shiftY * (up[i] ?? 0));
+    const moved = (/** @type {number[]} */ vector, /** @type {boolean} */ isMoved) => vector.map((value, i) => value + (isMoved ? (shift[i] ?? 0) : 0));
+    gl.uniform3fv(at("eye"), moved(fromMiddle(seen.eye, low, high), isFlat(seen)));
+    gl.uniform3fv(at("forward"), moved(back.map((value) => -value), !isFlat(seen)));
     gl.uniform3fv(at("across"), right.map((value) => value * half * aspect));
     gl.uniform3fv(at("upward"), up.map((value) => value * half));
     gl.uniform3fv(at("above"), above);
@@ -307,6 +337,9 @@ export class KeptPicture {
     gl.enable(gl.DEPTH_TEST);
   }
 }
+
+/** @param {View} view */
+const isFlat = ({ projection }) => projection === "orthographic";
 
 /** Filters the texture that is bound, with mipmaps. @param {WebGL2RenderingContext} gl */
 function smooth(gl) {

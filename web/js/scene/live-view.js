@@ -7,7 +7,7 @@ import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { CannotShow, FilmCanvas } from "../film/film-canvas.js";
 import { Film } from "../film/film.js";
-import { darkness } from "../film/darkness.js";
+import { autoExposure, darkness } from "../film/darkness.js";
 import { curveOptions } from "../film/curves.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
@@ -46,8 +46,8 @@ const MOST_PIXELS = 1 << 20;
 const LEAST_SIDE = 16;
 /** Longer side of a take's picture, in pixels. */
 const TAKE_SIDE = 320;
-/** Interval, in milliseconds, of checks whether the view is too dark. */
-const DARKNESS_MS = 500;
+/** Interval, in milliseconds, of checks whether the view is too dark; and by how many stops it has to be so for an offer. */
+const [DARKNESS_MS, DULL_STOPS] = [500, 2];
 /** Samples per pixel after which a view that is never denoised replaces a finished picture; and the preview mesh. */
 const [CLEAN_SPP, MESH_SPP] = [8, 1];
 /** Time, in milliseconds, that a view of MESH_SPP samples is awaited denoised, and samples per pixel that end the wait: noise must not follow a clean picture. */
@@ -56,6 +56,8 @@ const [DENOISED_MS, DENOISED_SPP] = [15_000, 64];
 const COVERED_MS = 500;
 /** Part of the view's width that a denoised picture must have to replace the preview mesh; the number of requests whose cameras are remembered. */
 const [FINE_SHARE, MOST_VIEWS] = [0.75, 256];
+/** Samples per pixel after which a denoised view replaces the preview mesh, which is sharper than fewer denoised ones. */
+const SHARP_SPP = 4;
 /** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
 const POOR = 0.6;
 /** Request fields that do not apply to a view. */
@@ -106,6 +108,12 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     curveOptions(DEFAULT_CURVE),
   );
   const shown = h("span", { class: "small number quiet" }, `${stops(0)} EV`);
+  const auto = h(
+    "button",
+    { class: "button small", type: "button", title: t("Auto exposure (N)"), "aria-label": t("Auto exposure"), onclick: () => exposeAuto() },
+    icon("exposure"),
+    h("span", { class: "view-word" }, t("Auto")),
+  );
   const clear = clarityField(() => refresh());
   const denoise = denoiseView(() => refresh());
   const willBeDenoised = () => denoise.isOn() && form.request().background !== "transparent"; // the denoiser makes no alpha
@@ -156,6 +164,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     isCovered = false;
     surface.style.backgroundImage = "";
     meshed.hidden = true;
+    mesh.release();
   };
   /** Loads the mesh for the next turn of the camera, if the view began with a picture instead. */
   const loadMesh = () => {
@@ -170,6 +179,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
   /** Cameras of the latest requests, by their ids. @type {Map<number, View>} */
   const views = new Map();
+  /** Camera of the request that is sent next. */
+  let askedView = form.view();
   /** Keeps a denoised picture on the page after a change, projected for the new camera, until the new one is denoised. */
   const hold = () => {
     const view = views.get(Number(surface.dataset.view));
@@ -214,22 +225,49 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
   const darkWords = h("span");
   const studio = h("button", { class: "button small", type: "button", onclick: () => (form.light.choose("studio"), expose(0)) }, icon("sun"), t("Studio light"));
-  const normal = h("button", { class: "button small", type: "button", onclick: () => expose(darkness(film.film)?.exposure ?? 0) }, icon("exposure"), t("Normalise"));
-  const dark = h("div", { class: "view-dark", role: "status", hidden: true }, darkWords, normal, studio);
-  /** Whether the exposure has been chosen, by the user or for a dark scene. */
-  let isExposed = false;
-  const lookForDarkness = () => {
-    const found = darkness(film.film);
-    dark.hidden = found === null;
-    if (!found) return;
-    setText(darkWords, t("Very dark: brightest {n}", { n: found.brightest.toPrecision(1) }));
-    if (!isExposed) expose(found.exposure); // the first view is exposed by what it shows
+  const brighten = h("button", { class: "button small", type: "button", onclick: () => exposeAuto() }, icon("exposure"), t("Auto exposure"));
+  const dark = h("div", { class: "view-dark", role: "status", hidden: true }, darkWords, brighten, studio);
+  /** What chooses the exposure next: the first picture if it looks black, the next pictures of a new light, nothing more, or the user. @type {"first" | "light" | "done" | "user"} */
+  let exposedBy = "first";
+  /** The light that the exposure is for, without its strength: that is the user's own way to make it brighter. */
+  let exposedLight = "";
+  /** Brightness of the latest picture that was looked at. */
+  let brightness = { white: 0, mean: 0 };
+  /** @param {number} id of the picture */
+  const lookForDarkness = (id) => {
+    brightness = film.film.brightness();
+    const isBlack = darkness(brightness) !== null;
+    const isLightShown = exposedBy === "light" && id === link.id;
+    if (isLightShown || (exposedBy === "first" && isBlack)) setExposure(autoExposure(brightness));
+    if (exposedBy !== "user" && (isLightShown ? sampledAt : isBlack)) exposedBy = "done";
+    tellDarkness();
+  };
+  const tellDarkness = () => {
+    const black = darkness(brightness);
+    const missing = autoExposure(brightness) - exposure.valueAsNumber;
+    dark.hidden = !black && missing < DULL_STOPS;
+    studio.hidden = !black;
+    brighten.hidden = missing <= 0;
+    if (!dark.hidden) setText(darkWords, black ? t("Very dark: brightest {n}", { n: black.brightest.toPrecision(1) }) : t("Dark at this exposure"));
   };
   /** @param {number} stops */
-  const expose = (stops) => {
-    isExposed = true;
+  const setExposure = (stops) => {
     exposure.value = String(stops);
     relook();
+  };
+  /** @param {number} stops chosen by the user */
+  const expose = (stops) => {
+    exposedBy = "user";
+    setExposure(stops);
+    tellDarkness();
+  };
+  const exposeAuto = () => expose(autoExposure(film.film.brightness()));
+  /** @param {Record<string, any>} request */
+  const noticeLight = ({ environment }) => {
+    const { strength: _, rotation: __, ...light } = environment ?? {};
+    const text = JSON.stringify(light);
+    if (exposedLight && text !== exposedLight && exposedBy !== "user") exposedBy = "light";
+    exposedLight = text;
   };
   /** @param {boolean} is whether the picture on the page is denoised */
   const setDenoised = (is) => {
@@ -241,12 +279,16 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let sampledAt = 0;
 
   const link = new ViewLink(scene.id, {
+    asked(id) {
+      views.set(id, askedView);
+      views.delete(id - MOST_VIEWS);
+    },
     picture(next) {
       film.take(next);
       picture.layers[0].setCoverage(film.film);
       if (performance.now() - lookedAt > DARKNESS_MS) {
         lookedAt = performance.now();
-        lookForDarkness();
+        lookForDarkness(next.id);
       }
       if (surface.dataset.view !== String(next.id)) setDenoised(false); // until the state says so
       surface.dataset.view = String(next.id);
@@ -266,7 +308,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       sampledAt = mean < MESH_SPP ? 0 : sampledAt || performance.now(); // another view begins anew
       const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
-      const isReady = (denoised && isFineEnough()) || (done && !isDenoisedSoon) || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
+      // The preview mesh is sharp: what replaces it must be as fine, and not smeared by denoising few samples.
+      const isMeshTrue = mesh.kept === null && !meshed.hidden && !isChanged;
+      const isSharp = !isMeshTrue || done || !isDenoisedSoon || mean >= SHARP_SPP;
+      const isEnough = mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
+      const isReady = (done && !isDenoisedSoon) || (denoised && isFineEnough() && isSharp) || (isEnough && (isFineEnough() || !isMeshTrue));
       if (isReady && (isLatest || !mesh.kept)) release();
       else if (denoised) keepNewer(next.id);
       setDenoised(denoised);
@@ -299,6 +345,9 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
   /** The first request. @type {string | undefined} */
   let firstAsked;
+  /** The first request without its camera, and whether a later one differs in more than that: the preview mesh shows only the first. @type {string | undefined} */
+  let firstShown;
+  let isChanged = false;
   /** The latest request, and its size on the page. @type {{text: string, width: number, height: number} | undefined} */
   let lastAsked;
   /** Width of the view in CSS pixels. */
@@ -314,15 +363,17 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const refresh = () => {
     if (!form.element.checkValidity()) return;
     const request = viewRequest();
+    noticeLight(request);
     const text = JSON.stringify(request);
     if (text !== (firstAsked ??= text) && meshed.hidden) release();
+    const seen = JSON.stringify({ ...request, view: null, camera: null, width: null, height: null });
+    isChanged ||= seen !== (firstShown ??= seen);
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     if (lastAsked && text !== lastAsked.text && Math.abs(width * lastAsked.height - height * lastAsked.width) <= width + height) hold();
     lastAsked = { text, width, height };
     asked = { width, height };
-    views.set(link.id + 1, form.view());
-    views.delete(link.id + 1 - MOST_VIEWS);
+    askedView = form.view();
     link.show({ ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true });
     if (isCovered) mesh.setView(form.view());
     others.changed();
@@ -426,6 +477,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   });
   tools.buttons.get("light")?.addEventListener("keydown", (event) => tools.key(event) && event.preventDefault());
   const endKeys = addShortcuts([
+    { keys: "N", does: t("Auto exposure"), run: exposeAuto },
     { keys: "L", shown: t("L, arrows"), does: t("Turn the light: hold and drag, or press and use the arrows"), run: lightKey.down },
     {
       keys: "Escape",
@@ -459,7 +511,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     },
   });
   const toolBar = h("div", { class: "view-tool-bar" }, [...tools.buttons.values()], saved.save);
-  const looks = h("div", { class: "view-looks" }, h("label", { class: "view-exposure" }, icon("exposure"), exposure, shown), viewMore(frame, clear.element, denoise.element, curve));
+  const looks = h("div", { class: "view-looks" }, h("div", { class: "view-exposure" }, auto, exposure, shown), viewMore(frame, clear.element, denoise.element, curve));
   const pills = h("div", { class: "view-pills" }, state, said, dark);
   const stage = viewStage({
     ...{ scene: scene.id, sides, live: film, look, names },
@@ -498,8 +550,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     setText(shown, `${stops(now.exposure)} EV`);
     picture.invalidate();
   });
-  exposure.addEventListener("input", () => ((isExposed = true), relook()));
-  exposure.addEventListener("dblclick", () => ((exposure.value = "0"), relook()));
+  exposure.addEventListener("input", () => expose(exposure.valueAsNumber));
+  exposure.addEventListener("dblclick", () => expose(0));
   curve.addEventListener("change", relook);
 
   const resizing = new ResizeObserver(() => {
@@ -543,7 +595,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
 /** Whether a picture of one camera can be shown for another. @param {View} from @param {View} to */
 const canKeep = (from, to) =>
-  JSON.stringify(from) === JSON.stringify(to) || [from, to].every(({ projection }) => (projection ?? "perspective") === "perspective");
+  JSON.stringify(from) === JSON.stringify(to) || ((from.projection ?? "perspective") === (to.projection ?? "perspective") && from.projection !== "panorama");
 
 /**
  * Returns what a view shows as a small picture in base64.

@@ -26,9 +26,14 @@ void main() {
   gl_Position = toClip * vec4(place, 1.0);
 }`;
 
+/** Lamps that the mesh is shaded by. */
+const MOST_LAMPS = 4;
+/** Irradiance of all lamps together at the middle of the scene, were none behind its surfaces. */
+const LAMPS_SUM = 1.5;
+
 /**
- * In the studio, its light (renderer/scene/studio.py): walls and two lamps, without shadows. Else light from the camera's upper left,
- * and less from all around. Both sides of a surface are lit.
+ * In the studio, its light (renderer/scene/studio.py): walls and two lamps, without shadows. Else the scene's lamps, without shadows or, where
+ * they are not known, light from the camera's upper left, and less from all around. Both sides of a surface are lit.
  */
 const FRAGMENT = `#version 300 es
 precision highp float;
@@ -39,6 +44,9 @@ uniform bool inStudio;
 uniform sampler2D image;
 uniform float cutoff;
 uniform bool hasKept;
+uniform int lampCount;
+uniform vec4 lamps[${MOST_LAMPS}]; // places, with 1, or directions, with 0
+uniform vec3 lampColors[${MOST_LAMPS}]; // their irradiance at the middle
 ${KEPT_GLSL}
 in vec2 texel;
 in vec3 place;
@@ -48,6 +56,17 @@ out vec4 pixel;
 const float OPEN = 0.9; // how much of the light no other surface keeps away, about
 const vec3 KEY = vec3(-0.560, 0.646, 0.517);
 const vec3 RIM = vec3(0.685, 0.343, -0.642);
+const float AROUND = 0.12; // light that other surfaces reflect, about
+vec3 lampLight(vec3 place, vec3 n) {
+  vec3 sum = vec3(AROUND);
+  for (int i = 0; i < lampCount; i++) {
+    vec3 way = lamps[i].xyz - lamps[i].w * place;
+    float far = dot(lamps[i].xyz, lamps[i].xyz);
+    float near = lamps[i].w > 0.5 ? min(far / max(dot(way, way), 1e-12), 4.0) : 1.0;
+    sum += lampColors[i] * near * max(dot(n, normalize(way)), 0.0);
+  }
+  return sum;
+}
 void main() {
   vec4 base = texture(image, texel);
   if (base.a < cutoff) discard;
@@ -60,6 +79,8 @@ void main() {
     float walls = mix(0.33, 0.62, 0.5 + 0.5 * dot(n, above));
     float shade = OPEN * (walls + 0.65 * max(dot(n, KEY), 0.0) + 0.24 * max(dot(n, RIM), 0.0));
     color = pow(pow(color, vec3(2.2)) * shade, vec3(1.0 / 2.2));
+  } else if (shown.a > 0.5 && lampCount > 0) {
+    color = pow(min(pow(color, vec3(2.2)) * lampLight(place, n), 1.0), vec3(1.0 / 2.2));
   } else if (shown.a > 0.5) color *= 0.5 + 0.5 * abs(dot(n, light));
   if (hasKept) {
     vec4 known = keptAt(place, flatly, 0.0);
@@ -115,6 +136,8 @@ export class MeshCanvas {
     this.view = null;
     /** A picture without noise, which is projected onto the mesh. @type {KeptPicture | null} */
     this.kept = null;
+    /** What has projected a picture, for the next one: its programs take long to compile. @type {KeptPicture | null} */
+    this.projector = null;
     this.pending = 0;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** @type {WebGLProgram | null} */
@@ -124,14 +147,17 @@ export class MeshCanvas {
     this.resizing = new ResizeObserver(() => this.invalidate());
     this.resizing.observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
-    canvas.addEventListener("webglcontextrestored", () => this.mesh && this.setMesh(this.mesh));
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.projector = null; // its programs were lost too
+      if (this.mesh) this.setMesh(this.mesh);
+    });
   }
 
   /** @param {MeshPacket} mesh */
   setMesh(mesh) {
     const { gl } = this;
     this.mesh = mesh;
-    this.kept = null;
+    this.release();
     if (!gl || gl.isContextLost()) return;
     const program = programOf(gl, VERTEX, FRAGMENT);
     if (!program) return; // the picture comes without a preview
@@ -195,10 +221,16 @@ export class MeshCanvas {
    */
   keep(picture, view) {
     if (!this.gl || !this.program || this.gl.isContextLost()) return;
-    this.kept ??= new KeptPicture(this.gl);
+    this.kept = this.projector ??= new KeptPicture(this.gl);
     this.kept.set(picture, view);
     this.draw(); // at once: it replaces the picture on the page
     this.invalidate();
+  }
+
+  /** Projects no picture any more, and frees its textures. */
+  release() {
+    this.kept?.clear();
+    this.kept = null;
   }
 
   /** How far the camera is from that of the projected picture, 0 ... 1; 1 without one. */
@@ -257,6 +289,14 @@ export class MeshCanvas {
     const [right, above, back] = cameraAxes(view);
     const light = [0, 1, 2].map((i) => -0.4 * (right[i] ?? 0) + 0.5 * (above[i] ?? 0) + 0.77 * (back[i] ?? 0));
     gl.uniform3fv(gl.getUniformLocation(program, "light"), light);
+    const lamps = (mesh.background && mesh.lamps?.toSorted((a, b) => Math.max(...b.color) - Math.max(...a.color)).slice(0, MOST_LAMPS)) || [];
+    gl.uniform1i(gl.getUniformLocation(program, "lampCount"), lamps.length);
+    if (lamps.length) {
+      const total = lamps.reduce((sum, { color }) => sum + Math.max(...color), 0) || 1;
+      const places = lamps.flatMap(({ at, isFar }) => (isFar ? [...at, 0] : [...fromMiddle(at, mesh.low, mesh.high), 1]));
+      gl.uniform4fv(gl.getUniformLocation(program, "lamps"), places);
+      gl.uniform3fv(gl.getUniformLocation(program, "lampColors"), lamps.flatMap(({ color }) => color.map((value) => (LAMPS_SUM * value) / total)));
+    }
     for (const { first, count, texture, cutoff } of mesh.parts ?? [{ first: 0, count: 3 * mesh.triangles, texture: -1, cutoff: 0 }]) {
       gl.bindTexture(gl.TEXTURE_2D, this.textures.at(texture) ?? null); // -1 is the last
       gl.uniform1f(gl.getUniformLocation(program, "cutoff"), cutoff);
@@ -290,6 +330,7 @@ export class MeshCanvas {
   dispose() {
     cancelAnimationFrame(this.pending);
     this.resizing.disconnect();
+    this.release();
     this.gl?.getExtension("WEBGL_lose_context")?.loseContext();
   }
 }

@@ -1,6 +1,6 @@
 /**
- * The view of a scene that is being prepared: its mesh, as soon as a worker has read it, or an example's picture until it is
- * turned. It turns as the live view does.
+ * The view of a scene that is being prepared: its mesh, as soon as this page or a worker has read it, or an example's picture until it
+ * is turned. It turns as the live view does.
  */
 
 import { h, setText } from "../base/dom.js";
@@ -17,6 +17,14 @@ import { viewHand } from "./view-hand.js";
 /** @typedef {import("../base/types.js").View} View */
 
 const [WIDTH, HEIGHT] = [1280, 720];
+/** Duration of the way from one camera to another, in milliseconds. */
+const GLIDE_MS = 300;
+
+/** Returns a view between two. @param {View} from @param {View} to @param {number} share from 0 to 1 @returns {View} */
+function between(from, to, share) {
+  const mixed = (/** @type {Vec3} */ a, /** @type {Vec3} */ b) => /** @type {Vec3} */ (a.map((value, i) => value + share * ((b[i] ?? 0) - value)));
+  return { ...to, eye: mixed(from.eye, to.eye), target: mixed(from.target, to.target), up: mixed(from.up, to.up), fov: from.fov + share * (to.fov - from.fov) };
+}
 
 /**
  * @param {Scene} scene
@@ -56,10 +64,24 @@ export function preparingView(scene) {
     mesh.setView(next);
     keepTurned(scene.id, next);
   };
+  let gliding = 0;
+  /** Moves the camera to where the service places it, which may differ a little from where this page did. @param {View} to */
+  const glide = (to) => {
+    cancelAnimationFrame(gliding);
+    const from = view;
+    const begun = performance.now();
+    const step = () => {
+      const share = !from || matchMedia("(prefers-reduced-motion: reduce)").matches ? 1 : Math.min(1, (performance.now() - begun) / GLIDE_MS);
+      if (isTurned || !isOpen) return;
+      view = share < 1 && from ? between(from, to, share * share * (3 - 2 * share)) : to;
+      mesh.setView(view);
+      if (share < 1) gliding = requestAnimationFrame(step);
+    };
+    step();
+  };
   /** @param {View} first @param {Vec3} low @param {Vec3} high corners of the scene */
   const follow = (first, low, high) => {
-    if (!isTurned) view = first;
-    mesh.setView(view ?? first);
+    if (!isTurned) glide(first);
     letGo();
     letGo = viewHand(surface, {
       ...{ view: () => view ?? first, turn, pressed: () => false, keyed: () => false },
@@ -71,6 +93,7 @@ export function preparingView(scene) {
   void localMeshOf(scene.id).then((local) => {
     if (!local || isAsked || !isOpen) return;
     const { packet, view: first } = local;
+    mesh.hasFloor ||= packet.background === null; // an upload without lights gets the studio and a floor
     mesh.setMesh(packet);
     doing.textContent = "";
     follow(first, packet.low, packet.high);

@@ -1,7 +1,7 @@
 /** The preview mesh of the latest scene, and the view that it was turned to while the scene was being prepared. */
 
 import { fetchMesh } from "../news/api.js";
-import { localMeshOf } from "../news/local-mesh.js";
+import { isLocal, localMeshOf } from "../news/local-mesh.js";
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
@@ -12,14 +12,17 @@ let latest = null;
 /** Returns a scene's mesh: what this page read with textures, or else the service's, which is fetched once. @param {string} scene its id @returns {Promise<MeshPacket>} */
 export function meshOf(scene) {
   if (latest?.scene !== scene) {
-    latest = { scene, mesh: localMeshOf(scene).then((local) => (local?.isWhole && local.packet.textures?.length ? local.packet : fetchMesh(scene))) };
+    latest = { scene, mesh: localMeshOf(scene).then((local) => (local?.isWhole && local.packet.textures?.length ? local.packet : fetched(scene, local?.packet))) };
     latest.mesh.catch(() => (latest = null));
   }
   return latest.mesh;
 }
 
-/** Whether the mesh of a scene has been fetched or is being. @param {string} scene */
-export const hasMesh = (scene) => latest?.scene === scene;
+/** Returns the service's mesh, with the lamps that this page has read, which it lacks. @param {string} scene its id @param {MeshPacket | undefined} local @returns {Promise<MeshPacket>} */
+const fetched = async (scene, local) => ({ ...(await fetchMesh(scene)), ...(local?.lamps && { lamps: local.lamps }) });
+
+/** Whether the mesh of a scene has been read here or fetched, or is being. @param {string} scene */
+export const hasMesh = (scene) => latest?.scene === scene || isLocal(scene);
 
 /** The view to which the mesh was rotated, with its scene. @type {{scene: string, view: View} | null} */
 let turned = null;

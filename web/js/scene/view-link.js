@@ -29,6 +29,7 @@ import { t } from "../base/words.js";
  * @property {Vec3 | null} normal
  *
  * @typedef {object} ViewHandlers
+ * @property {(id: number) => void} asked the latest view is requested, again after the connection was lost, with this id
  * @property {(picture: import("./view-packet.js").ViewPicture) => void} picture
  * @property {(state: ViewState) => void} state
  * @property {(sentence: string) => void} failed the view is invalid: called with the reason in the page's language
@@ -111,6 +112,7 @@ export class ViewLink extends LastingSocket {
     this.pending = 0;
     if (!this.wanted || this.socket?.readyState !== WebSocket.OPEN) return;
     this.id += 1;
+    this.handlers.asked(this.id);
     this.send({ id: this.id, ...this.wanted });
   }
 

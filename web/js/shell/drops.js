@@ -2,7 +2,6 @@
 
 import { fill, h } from "../base/dom.js";
 import { chosenProject } from "../base/project.js";
-import { setDropPlace } from "./drop-place.js";
 import { filesOfDrop } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { mayChange } from "../news/projects.js";
@@ -19,12 +18,18 @@ async function upload(files) {
   await start(files);
 }
 
+/** Prepares for an upload while files are chosen or dragged. */
+const prepare = () => void import("./uploads.js").then((uploads) => uploads.prepare(), () => {}); // an upload reports the error
+
 /**
  * Opens the system's file dialog.
  *
  * @param {{folder: boolean}} options
  */
-export const choose = ({ folder }) => pick({ folder }, upload);
+export function choose({ folder }) {
+  prepare();
+  pick({ folder }, upload);
+}
 
 /** Time without an event after which nothing is dragged any more. */
 const DRAG_ENDED_MS = 1000;
@@ -51,6 +56,7 @@ export function acceptDrops() {
     if (!hasFiles(event)) return;
     event.preventDefault(); // otherwise the browser opens the file
     if (!isFree && event.dataTransfer) event.dataTransfer.dropEffect = "none";
+    if (veil.hidden && isFree) prepare();
     veil.hidden = !isFree;
     // It comes several times a second as long as something is dragged; a dragleave may be lost.
     clearTimeout(ending);
@@ -62,7 +68,6 @@ export function acceptDrops() {
     event.preventDefault();
     hide();
     if (!isFree) return;
-    setDropPlace({ x: event.clientX, y: event.clientY });
     const gathering = filesOfDrop(event.dataTransfer);
     void gatherAndSend(() => gathering, upload);
   });

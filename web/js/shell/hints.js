@@ -49,7 +49,7 @@ export function addMachineHint() {
       t("Anywhere, over HTTPS"),
       t("A machine at home or in another company needs only this page's HTTPS address and a token of its own. Create the token here, copy the file, and start the worker there:"),
       "python3 farm.py token make NAME --role worker --days 0 > NAME.token",
-      `python3 farm.py worker ${farm} --token-file NAME.token`,
+      `python3 farm.py worker --join ${farm} --token-file NAME.token`,
     ),
   ];
 }

@@ -1,7 +1,6 @@
 /** Passes on files from a drop or a file dialog. */
 
 import { h } from "../base/dom.js";
-import { setChoicePlace } from "./drop-place.js";
 import { filesOfList, notUploadedTitle } from "./gather-files.js";
 import { showError } from "./tray.js";
 import { t } from "../base/words.js";
@@ -17,7 +16,7 @@ export async function gatherAndSend(gather, take) {
   try {
     files = await gather();
   } catch (error) {
-    showError(t("The files could not be read"), error, { atDrop: true });
+    showError(t("The files could not be read"), error, { ofUpload: true });
     return;
   }
   await attempt(files, take);
@@ -28,7 +27,7 @@ async function attempt(files, take) {
   try {
     await take(files);
   } catch (error) {
-    showError(notUploadedTitle(files), error, { atDrop: true, action: { label: t("Try again"), run: () => void attempt(files, take) } });
+    showError(notUploadedTitle(files), error, { ofUpload: true, action: { label: t("Try again"), run: () => void attempt(files, take) } });
   }
 }
 
@@ -39,7 +38,6 @@ async function attempt(files, take) {
  * @param {(files: NamedFile[]) => Promise<void>} take
  */
 export function pick({ folder }, take) {
-  setChoicePlace();
   const input = h("input", { type: "file", multiple: true, webkitdirectory: folder, hidden: true });
   input.addEventListener("change", () => void gatherAndSend(() => filesOfList(input.files ?? new DataTransfer().files), take));
   input.addEventListener("cancel", () => input.remove());

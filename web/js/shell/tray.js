@@ -2,7 +2,6 @@
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
-import { moveToDropPlace } from "./drop-place.js";
 import { t } from "../base/words.js";
 
 const tray = /** @type {HTMLElement} */ (document.getElementById("tray"));
@@ -55,7 +54,7 @@ export class Card {
 const MOST_ERRORS = 3;
 const BRIEF_S = 6;
 
-/** @typedef {{key: string, card: Card, times: number, ofPage: boolean}} Entry */
+/** @typedef {{key: string, card: Card, times: number, ofPage: boolean, ofUpload: boolean}} Entry */
 
 /** The errors shown, oldest first. @type {Entry[]} */
 const errors = [];
@@ -77,11 +76,10 @@ export function clearPageErrors() {
  *
  * @param {string} title
  * @param {unknown} error
- * @param {{remedy?: string, action?: {label: string, run: () => void}, ofPage?: boolean, brief?: boolean, atDrop?: boolean}} [help] what to do
- *   about it. ofPage: it means nothing on other pages. brief: it goes away by itself.
- *   atDrop: it is shown where the files were dropped or chosen, in place of an earlier one
+ * @param {{remedy?: string, action?: {label: string, run: () => void}, ofPage?: boolean, brief?: boolean, ofUpload?: boolean}} [help] what to do
+ *   about it. ofPage: it means nothing on other pages. brief: it goes away by itself. ofUpload: it replaces that of an earlier upload
  */
-export function showError(title, error, { remedy, action, ofPage = false, brief = false, atDrop = false } = {}) {
+export function showError(title, error, { remedy, action, ofPage = false, brief = false, ofUpload = false } = {}) {
   const sentence = error instanceof Error ? error.message : String(error);
   const key = `${title}\n${sentence}`;
   const same = errors.find((each) => each.key === key);
@@ -91,7 +89,8 @@ export function showError(title, error, { remedy, action, ofPage = false, brief 
     return;
   }
   const card = new Card(title);
-  const entry = { key, card, times: 1, ofPage };
+  const entry = { key, card, times: 1, ofPage, ofUpload };
+  for (const other of ofUpload ? errors.filter((each) => each.ofUpload) : []) dismiss(other);
   errors.push(entry);
   if (errors.length > MOST_ERRORS) dismiss(errors[0]);
   if (brief) setTimeout(() => dismiss(entry), BRIEF_S * 1000);
@@ -109,10 +108,6 @@ export function showError(title, error, { remedy, action, ofPage = false, brief 
     );
   }
   card.onClose(() => dismiss(entry));
-  if (!atDrop) return;
-  for (const other of errors.filter((each) => each.card.element.classList.contains("at-drop"))) dismiss(other);
-  card.element.classList.add("at-drop");
-  moveToDropPlace(card.element);
 }
 
 /**

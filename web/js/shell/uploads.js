@@ -14,7 +14,7 @@ import { pick } from "./pick-files.js";
 import { go, here } from "./router.js";
 import { Card, announce, showActionNotice, showError } from "./tray.js";
 import { Pace } from "./upload-pace.js";
-import { keepLocal, readLocally } from "../news/local-mesh.js";
+import { keepLocal, prepareReader, readLocally } from "../news/local-mesh.js";
 import { upload } from "../news/upload.js";
 import { uploadSeconds } from "../news/upload-times.js";
 import { filesFor, rivals, whichScene } from "./which-scene.js";
@@ -31,11 +31,14 @@ const STALLED_MS = 15_000;
 /** The way on after a refusal. */
 const again = { label: t("Choose other files"), run: () => pick({ folder: false }, start) };
 
+/** Prepares for files that are being dragged or chosen. */
+export const prepare = prepareReader;
+
 /** @param {NamedFile[]} files */
 export async function start(files) {
   if (!files.length) {
     const { formats } = await getInfo();
-    showError(t("Nothing to upload"), t("There was no file in what you dropped. A scene is one of {formats}.", { formats: formats.join(" ") }), { atDrop: true });
+    showError(t("Nothing to upload"), t("There was no file in what you dropped. A scene is one of {formats}.", { formats: formats.join(" ") }), { ofUpload: true });
     return;
   }
   const sent = files.map(({ file }) => file);
@@ -54,7 +57,7 @@ export async function start(files) {
     for (const [suffix, advice] of Object.entries(foreign)) {
       const at = paths.findIndex((path) => path.endsWith(suffix));
       if (at < 0) continue;
-      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), hasCode(codes?.[suffix], UNPACK) ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop what that writes.", { advice: said(advice, codes?.[suffix]) }), { atDrop: true, action: again });
+      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), hasCode(codes?.[suffix], UNPACK) ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop what that writes.", { advice: said(advice, codes?.[suffix]) }), { ofUpload: true, action: again });
       return;
     }
   }
@@ -201,7 +204,7 @@ async function sendOnce(files, fields) {
   const stalled = () => setText(line, t("Nothing was sent for {n} s. It goes on when the connection does.", { n: STALLED_MS / 1000 }));
   setUnderWay(1);
   const begun = performance.now();
-  const mesh = readLocally(files.map(({ file }) => file));
+  const mesh = fields["base"] ? Promise.resolve(null) : readLocally(files, fields["main"]).catch(() => null);
   try {
     const scene = await upload(files, {
       fields,
@@ -223,8 +226,8 @@ async function sendOnce(files, fields) {
     const heading = notUploadedTitle(files);
     // Error responses of the service name the remedy.
     if (error instanceof ApiError && error.status === 0)
-      return new Promise((resolve) => showError(heading, error, { atDrop: true, action: { label: t("Try again"), run: () => resolve(AGAIN) } }));
-    showError(heading, error, { atDrop: true, action: again });
+      return new Promise((resolve) => showError(heading, error, { ofUpload: true, action: { label: t("Try again"), run: () => resolve(AGAIN) } }));
+    showError(heading, error, { ofUpload: true, action: again });
     return null;
   } finally {
     clearTimeout(stalling);
@@ -263,8 +266,13 @@ function explainImages(files) {
       (error) => showError(t("{name} was not taken", { name }), error),
     );
   };
-  showError(t("{name} is not a scene", { name }), isLight ? t("It can light one: open a scene, and drop it there.") : t("Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it."), {
-    atDrop: true,
-    action: isLight ? { label: t("Add it to the lights"), run: keep } : again,
-  });
+  if (isLight) {
+    showActionNotice(t("{name} can light a scene: open one, and drop it there.", { name }), { label: t("Add it to the lights"), run: keep });
+    return;
+  }
+  showError(
+    t("{name} is not a scene", { name }),
+    t("Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it."),
+    { ofUpload: true, action: again },
+  );
 }

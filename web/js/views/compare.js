@@ -4,7 +4,9 @@ import { getJob } from "../news/api.js";
 import { differenceTable, progressOf, sideChoice } from "../compare/compare-panel.js";
 import { clampExposure, lookFields, lookFromUrl, lookParams, wipeFrom } from "../job/display-panel.js";
 import { fill, h } from "../base/dom.js";
-import { adoptJob, jobs } from "../news/farm.js";
+import { DENOISED } from "../film/channels.js";
+import { canDenoise } from "../job/denoise-fields.js";
+import { adoptJob, jobs, workers } from "../news/farm.js";
 import { emptyState } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { differencesOf, filmOf, namesOf, pictureOfJob, pictureOfReference, pictureUrl, referenceId } from "../compare/pictures.js";
@@ -138,7 +140,7 @@ function pictureOf(id, all) {
 }
 
 /**
- * Returns the default partner of a picture: the latest other one of its scene, else its own albedo.
+ * Returns the default partner of a picture: the latest other one of its scene, else itself, denoised where a worker can do that, or its albedo.
  *
  * @param {Job} job
  * @param {Job[]} all newest first
@@ -146,7 +148,7 @@ function pictureOf(id, all) {
  */
 function partnerOf(job, all) {
   const other = all.find(({ id, scene, samples }) => scene === job.scene && id !== job.id && samples > 0);
-  return other ? { b: other.id } : { b: job.id, right: "albedo" };
+  return other ? { b: other.id } : { b: job.id, right: canDenoise(workers.value) ? DENOISED : "albedo" };
 }
 
 /** @param {string | null} text as an address has it */

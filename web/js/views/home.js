@@ -14,6 +14,7 @@ import { chosenProject } from "../base/project.js";
 import { mayChange } from "../news/projects.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { Disposer } from "../base/store.js";
+import { addShortcuts } from "../shell/shortcuts.js";
 import { showError } from "../shell/tray.js";
 import { jobRow } from "./job-row.js";
 import { sceneGrid } from "./scene-grid.js";
@@ -73,6 +74,7 @@ export function homeView() {
   for (const store of [scenes, jobs, hidden])
     life.add(/** @type {import("../base/store.js").Store<any>} */ (store).subscribe(refresh));
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
+  if (mayChange(chosenProject())) life.add(addShortcuts([{ keys: "U", does: t("Choose files"), run: () => choose({ folder: false }) }]));
 
   // Thumbnails of examples are large, so the existing scenes load first on a slow line.
   const told = new Promise((done) => life.add(scenes.subscribe((all) => all && done(null))));

@@ -166,7 +166,7 @@ function open(page, job, life) {
   life.add(addShortcuts(jobKeys({ job: () => latest, display, inShot: shot !== null })));
 
   const tabs = sideTabs(t("Picture"), [
-    { name: "view", label: t("View"), content: [look.element, histogram, moments?.element, whose.element] },
+    { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element] },
     { name: "lights", label: t("Lights"), content: [lightMixer(display, job, life)] },
     { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
     { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id)] },

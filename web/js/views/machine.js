@@ -30,6 +30,7 @@ export function machineCard() {
   const gauge = h("div", { class: "gauge", "aria-hidden": "true" }, h("div"));
   const failures = h("dd");
   const line = sparkline();
+  const peak = h("dt");
   const cards = h("ul", { class: "small graphics-cards" });
   const slots = h("ul", { class: "slot-tiles" });
   const showSlots = keyedList(
@@ -83,7 +84,10 @@ export function machineCard() {
     chip.update(state);
     const draining = busy ? tn(busy, " {n} slot still finishes what it has in hand.", " {n} slots still finish what they have in hand.") : "";
     setText(why, worker.state === "paused" ? `${saidOf(worker, "message")}${draining}` : "");
-    setText(speed, worker.speeds?.length ? t("{n} samples/s", { n: compact(worker.speeds.at(-1) ?? 0) }) : "–");
+    const now = worker.speeds?.at(-1);
+    setText(speed, now == null ? "–" : now === 0 && !busy ? t("Idle") : t("{n} samples/s", { n: compact(now) }));
+    const most = Math.max(0, ...(worker.speeds ?? []));
+    setText(peak, most ? t("Last hour, up to {n}/s", { n: compact(most) }) : t("Last hour"));
     line.update(worker.speeds ?? []);
     const { memory_used: used, memory_total: total } = worker;
     setText(memory, used != null && total ? t("{done} of {all}", { done: bytes(used), all: bytes(total) }) : t("not told"));
@@ -111,7 +115,7 @@ export function machineCard() {
         "dl",
         { class: "vitals number" },
         fact(t("Speed"), speed),
-        fact(t("Last hour"), line.element),
+        h("div", null, peak, line.element),
         fact(t("Memory"), memory, gauge),
         fact(t("Failures"), failures),
       ),
@@ -198,7 +202,7 @@ function sayWhat(label, slot, name, key) {
     ? [linkTo("jobs", slot.job), name ?? t("A picture")]
     : slot.scene
       ? [linkTo("scenes", slot.scene), t("Prepares a scene")]
-      : ["", slot.hidden ? t("Works for a project you cannot see") : slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.view ? t("Live view") : t("Slot {number}", { number: Number(key) + 1 })];
+      : ["", slot.hidden ? t("Works for a project you cannot see") : slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.path_guide ? t("Path guide") : slot.view ? t("Live view") : t("Slot {number}", { number: Number(key) + 1 })];
   const said = slot.compiling ? t("{text}, compiling", { text }) : text;
   if (label.title === `${href} ${said}`) return;
   label.title = `${href} ${said}`;

@@ -2,7 +2,7 @@
 
 import { examplePictures } from "../news/example-pictures.js";
 import { createJob, getScene, imageUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
-import { fill, h, setText } from "../base/dom.js";
+import { fill, h, setFacts, setText } from "../base/dom.js";
 import { adoptJob, adoptScene, jobs, putScene, scenes, workers } from "../news/farm.js";
 import { bytes, count, extent } from "../base/format.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
@@ -29,7 +29,7 @@ import { stepWords, warnings } from "../scene/scene-notices.js";
 import { sidesFromUrl } from "../scene/sides.js";
 import { sideNames } from "../compare/job-differences.js";
 import { cardPicture, removeScene } from "./scene-card.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").Job} Job */
@@ -306,11 +306,12 @@ const COUNTED = {
   lights: t("Lights"),
 };
 
-/** @param {Scene} scene */
+/** A line about a scene's size, which opens a table of all counts. @param {Scene} scene */
 function facts(scene) {
+  const { triangles = 0, unique_triangles: unique = 0, spheres = 0, textures = 0 } = scene.counts;
   /** @type {[string, string][]} */
   const rows = Object.entries(scene.counts)
-    .filter(([, n]) => n > 0)
+    .filter(([name, n]) => n > 0 && !(name === "unique_triangles" && unique === triangles))
     .map(([name, n]) => [COUNTED[name] ?? name, count(n)]);
   if (scene.cameras.length > 1) rows.push([t("Cameras"), count(scene.cameras.length - 1)]); // without the automatic one
   const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));
@@ -319,9 +320,17 @@ function facts(scene) {
   const [lo, hi] = scene.bounds ?? [];
   if (lo && hi) rows.push([t("Extent"), extent(hi.map((v, i) => v - (lo[i] ?? 0)))]);
   rows.push([t("Files"), bytes(scene.bytes)]);
+  const line = h("span", { class: "facts-line" });
+  setFacts(line, [
+    ...(triangles ? [triangles === 1 ? t("1 triangle") : t("{n} triangles", { n: count(triangles) })] : []),
+    ...(spheres ? [tn(spheres, "{n} sphere", "{n} spheres")] : []),
+    ...(textures ? [tn(textures, "{n} texture", "{n} textures")] : []),
+    bytes(scene.bytes),
+  ]);
   return h(
-    "dl",
-    { class: "facts tiles number" },
-    rows.map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))),
+    "details",
+    { class: "scene-facts small number" },
+    h("summary", null, line),
+    h("dl", { class: "facts tiles" }, rows.map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value)))),
   );
 }

@@ -2,9 +2,17 @@
 
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { jobs } from "../news/farm.js";
+import { linkTo } from "../shell/router.js";
 import { announce } from "../shell/tray.js";
 import { JOB_ACTIONS, change, remove } from "./job-deeds.js";
 import { grouped, t, tn } from "../base/words.js";
+
+/** Selections up to this size are looked up job by job. */
+const MOST_LOOKED_UP = 100;
+
+/** States of jobs that wait for nothing. */
+const ENDED = ["finished", "failed", "cancelled"];
 
 /** The selected ids of a list. */
 export class Selection {
@@ -93,24 +101,24 @@ export function selectionBar(selection) {
     if (priority.reportValidity() && priority.value !== "")
       void change(ids(), { priority: Number(priority.value) }, t("given the priority {n}", { n: Number(priority.value) }));
   };
+  const order = h(
+    "form",
+    { class: "priority for-submit", onsubmit: (/** @type {Event} */ event) => (event.preventDefault(), prioritise()) },
+    priority,
+    h("button", { class: "button small", type: "submit" }, t("Set priority")),
+  );
+  const deeds = JOB_ACTIONS.map((deed) => ({
+    of: deed.change.of,
+    button: h("button", { class: "button small for-submit", type: "button", onclick: () => void change(ids(), deed.change, deed.done) }, icon(deed.icon), deed.label),
+  }));
+  const compare = h("a", { class: "button small" }, icon("compare"), t("Compare"));
   const element = h(
     "div",
     { class: "selection-bar", role: "toolbar", "aria-label": t("Selected jobs"), hidden: true },
     number,
-    JOB_ACTIONS.map((deed) =>
-      h(
-        "button",
-        { class: "button small for-submit", type: "button", onclick: () => void change(ids(), deed.change, deed.done) },
-        icon(deed.icon),
-        deed.label,
-      ),
-    ),
-    h(
-      "form",
-      { class: "priority for-submit", onsubmit: (/** @type {Event} */ event) => (event.preventDefault(), prioritise()) },
-      priority,
-      h("button", { class: "button small", type: "submit" }, t("Set priority")),
-    ),
+    compare,
+    deeds.map(({ button }) => button),
+    order,
     h("button", { class: "button small danger for-submit", type: "button", onclick: removeAll }, icon("trash"), t("Delete")),
     h("span", { class: "grow" }),
     h("button", { class: "text-button", type: "button", onclick: () => selection.all() }, t("Select all")),
@@ -125,6 +133,13 @@ export function selectionBar(selection) {
     update() {
       element.hidden = selection.chosen.size === 0;
       setText(number, t("{n} selected", { n: grouped(selection.chosen.size) }));
+      const [a = "", b = "", ...others] = ids();
+      compare.hidden = !b || others.length > 0;
+      compare.href = linkTo("compare", a, b);
+      // Of jobs that are not loaded the state is not known.
+      const states = others.length > MOST_LOOKED_UP ? [] : ids().map((id) => jobs.value?.find((job) => job.id === id)?.state ?? "");
+      order.hidden = states.length > 0 && states.every((state) => ENDED.includes(state));
+      for (const { of, button } of deeds) button.hidden = states.length > 0 && states.every((state) => state !== "" && of !== undefined && !of.includes(state));
     },
     remove: removeAll,
   };

@@ -11,20 +11,25 @@ from renderer.scene.readers.strands import Strand, line_of
 from renderer.scene.readers.tubes import STEPS
 from renderer.sentences import Sentence
 
-__all__ = ["strand_of"]
+__all__ = ["is_flat", "strand_of"]
 
 F64 = npt.NDArray[np.float64]
 
 
-def strand_of(source: Parameters, notes: Notes, is_fibre: bool) -> Strand:
+def is_flat(source: Parameters) -> bool:
+    """Returns True if a curve is of the type flat, pbrt's default: it faces each ray."""
+    return source.text("type", "flat") == "flat"
+
+
+def strand_of(source: Parameters, notes: Notes) -> Strand:
     """Returns a curve as a polyline with radii; of the type ribbon, with the directions that it faces.
 
-    is_fibre: whether its material is hair. Raises SceneError if its basis, degree, or number of points or normals is invalid.
+    Raises SceneError if its basis, degree, or number of points or normals is invalid.
     """
     points = source.numbers("P", "point3", "point")
     degree, basis = source.integer("degree", 3), source.text("basis", "bezier")
     kind = source.text("type", "flat")
-    if kind not in ("cylinder", "ribbon") and not is_fibre:
+    if kind not in ("cylinder", "flat", "ribbon"):
         notes.add(
             source.place,
             Sentence("pbrt-curve-type-replaced", "curves of type {kind} are rendered as tubes of the same width", kind=kind[:20]),

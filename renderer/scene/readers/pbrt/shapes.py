@@ -12,7 +12,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix, product
 from renderer.scene.normals import face_normals
 from renderer.scene.readers.height_maps import rounded, spans_of
-from renderer.scene.readers.pbrt.curves import strand_of
+from renderer.scene.readers.pbrt.curves import is_flat, strand_of
 from renderer.scene.readers.pbrt.expansion_limits import TriangleBudget
 from renderer.scene.readers.pbrt.lights import Lights
 from renderer.scene.readers.pbrt.mappings import mapped
@@ -79,7 +79,7 @@ class Shapes:
         self.objects: dict[str, list[Part]] = {}
         self._open: list[Part] | None = None
         self._quadrics: dict[tuple[object, ...], int] = {}  # mesh index by shape
-        self._strands: dict[tuple[int, bytes, bytes], tuple[list[Strand], Ctm]] = {}
+        self._strands: dict[tuple[int, bool, bytes, bytes], tuple[list[Strand], Ctm]] = {}
         self._places: dict[str, np.ndarray] = {}  # (N, 4, 4) transforms of the parts, by object
         self._made: dict[tuple[object, ...], Quadric] = {}
         self._balls: dict[int, int] = {}  # mesh index of complete spheres, by material
@@ -151,8 +151,8 @@ class Shapes:
             state, alpha = state._replace(material=None), _UNSEEN  # not intersected, but emits
         if source.type == "curve":
             number = self._materials.number(state.material, self._emission(state, np.zeros(0)), alpha, source.place)
-            strand = strand_of(source, self._notes, self._description.materials[number].kind == "hair")
-            key = number, state.ctm[0].tobytes(), state.ctm[1].tobytes()
+            strand = strand_of(source, self._notes)
+            key = number, is_flat(source), state.ctm[0].tobytes(), state.ctm[1].tobytes()
             self._strands.setdefault(key, ([], state.ctm))[0].append(strand)
             return
         radius = whole_sphere(source)
@@ -237,9 +237,9 @@ class Shapes:
     def flush(self) -> None:
         """Adds the pending curves to the description, as meshes."""
         strands, self._strands = self._strands, {}
-        for (number, _, _), (found, ctm) in strands.items():
-            fibres = self._description.materials[number].kind == "hair"
-            self._add_mesh(replace(strands_mesh(found, fibres), material=number), ctm)
+        for (number, flat, *_), (found, ctm) in strands.items():
+            fibres = flat or self._description.materials[number].kind == "hair"
+            self._add_mesh(replace(strands_mesh(found, fibres), material=number, flat=flat), ctm)
 
     def _mesh(self, source: Parameters, state: ShapeState, radius: float | None) -> tuple[Mesh | None, np.ndarray]:
         """Returns a shape's mesh (None for a complete sphere), and (n,) the areas of the parts that are lights in pbrt."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 from typing import Any
 
@@ -74,7 +75,13 @@ def schema_fault(error: Any) -> str:
             return Sentence("schema-fields-missing", "lacks {names}", names=missing)
         case "additionalProperties":
             known = error.schema.get("properties", {})
-            odd = first_items((str(name)[:60] for name in value if name not in known), _MOST_NAMED)
+            unknown = [str(name)[:60] for name in value if name not in known]
+            near = difflib.get_close_matches(unknown[0], known, 1)
+            if len(unknown) == 1 and near:
+                return Sentence(
+                    "schema-field-misspelt", "has the unknown field {name}; did you mean {near}?", name=unknown[0], near=near[0]
+                )
+            odd = first_items(unknown, _MOST_NAMED)
             return Sentence("schema-fields-unknown", "has unknown fields: {names}", names=odd)
         case "minimum":
             return Sentence("schema-below-minimum", "is {value}; it must be at least {least}", value=shown, least=f"{wanted:g}")

@@ -77,6 +77,12 @@ def strands(aspect: float = 1.0) -> Mesh:
     return strands_mesh(fibres, fibres=True, aspect=aspect)
 
 
+def flat_strands() -> Mesh:
+    """Returns flat curves of the floor's material, in front of the ball."""
+    curves = strands()
+    return replace(curves, positions=curves.positions + np.float32((-1.5, 0, 1.2)), material=1, flat=True)
+
+
 def _moved(x: float, y: float = 0.7, z: float = 0.0) -> np.ndarray:
     place = np.eye(4)
     place[:3, 3] = x, y, z
@@ -498,7 +504,7 @@ FEATURES: dict[str, Feature] = {
         lambda: bulb(Material(base_color=(0.8, 0.6, 0.4), subsurface=1.0, subsurface_radius=(0.2, 0.1, 0.05)))
     ),
     # Hair
-    "hair": _feature(lambda: room(Material(kind="hair", base_color=(0.6, 0.4, 0.2)), (strands(),))),
+    "hair": _feature(lambda: room(Material(kind="hair", base_color=(0.6, 0.4, 0.2)), (strands(), flat_strands()))),
     "hair in fog": _feature(
         lambda: room(
             Material(kind="hair", pheomelanin=0.5, beta_m=0.2, base_color_texture=0),

@@ -255,9 +255,9 @@ def test_tables_list_casters_and_small_lamps_only() -> None:
 
 def test_settings_ask_for_caustics_only_where_there_are_some() -> None:
     asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), caustics="on")
-    assert rendering.settings_in_use(asked, HALLS["two"]()) == asked
+    assert rendering.settings_as_rendered(asked, HALLS["two"]()) == asked
     bare = scene([MATT, emitter(3.0)], (FLOOR,), (Sphere((1.0, 2, 0), 0.3, 1),))
-    assert rendering.settings_in_use(asked, bare) == replace(asked, caustics="off")
+    assert rendering.settings_as_rendered(asked, bare) == replace(asked, caustics="off")
 
 
 def test_caustic_tables_depend_on_every_scene_array() -> None:

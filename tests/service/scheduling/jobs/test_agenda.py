@@ -22,13 +22,16 @@ class Frame:
         self.ceiling, self.state, self.is_idle, self.noise = spp, "queued", False, None
         self.compiled = {"kind": "scene"}
         self.own: dict[str, object] = {}
-        self.is_preparing = False
+        self.is_preparing, self.lacking = False, set[str]()  # kinds for which it lacks its path guide
         self.on_change: Callable[[int], None] = lambda key: None
         self.plan = SimpleNamespace(is_done=False, every_tile_has=lambda samples: True)
 
     @property
     def is_over(self) -> bool:
         return self.state in ("finished", "failed")
+
+    def lacks_guide(self, kind: str) -> bool:
+        return kind in self.lacking
 
     def measured_noise(self) -> float:
         self.noise = self.grain / math.sqrt(self.ceiling)
@@ -133,3 +136,18 @@ def test_unprepared_frames_wait_and_are_listed_in_order() -> None:
     assert [frame.key for frame in plan.turns.frames_to_prepare("kind", 5)] == [3, 1]
     assert plan.next_frame("kind").key == 2
     assert plan.next_frame("another") is None
+
+
+def test_frames_wait_for_their_path_guides() -> None:
+    frames = [Frame(key) for key in range(4)]
+    frames[0].compiled, frames[1].lacking, frames[2].lacking = {}, {"kind"}, {"kind"}
+    plan = frame_order("breadth-first", frames)
+    assert plan.next_frame("kind").key == 3
+    assert plan.is_out_of_order(frames[3], "kind")
+    assert [frame.key for frame in plan.turns.frames_to_prepare("kind", 5)] == [0]
+    assert [frame.key for frame in plan.turns.frames_without_guide("kind", 5)] == [1, 2]
+    assert plan.turns.count_without_guide("kind") == 2 and not plan.turns.count_without_guide("another")
+    frames[1].lacking = set()
+    plan.turns.mark_changed(1)
+    assert plan.next_frame("kind").key == 1
+    assert plan.turns.first_unprepared("kind") == plan.sort_key(frames[0])

@@ -1,0 +1,138 @@
+"""Path guides of the frames of jobs with `guiding`: one slot trains a frame's guide, and the others read it.
+
+A frame's batches are dispatched when its guide is trained; meanwhile slots render other frames and jobs. If no worker can train
+it, each slot that renders the frame does so, to the same bits.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass
+
+from protocol.contract import TrainPathGuide, WorkerReport
+from renderer.frames import frame_number, frame_text
+from renderer.guiding.stored_guide import MAX_BYTES
+from renderer.sentences import Sentence
+from service.errors import FarmError, Unavailable
+from service.events import Events
+from service.scheduling.artifacts.artifact_result import ArtifactResult
+from service.scheduling.artifacts.artifact_task import ArtifactTask, Key
+from service.scheduling.dispatching.dispatcher import Dispatcher
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.jobs.active_frame import ActiveFrame
+from service.scheduling.jobs.active_job import ActiveJob
+from service.store.blobs import BlobStore
+
+__all__ = ["PathGuides"]
+
+MIN_FRAMES_AHEAD = 4  # frames with a guide that wait for slots, at least
+
+
+@dataclass(frozen=True)
+class _Awaited:
+    """A guide that was requested for a worker kind at a monotonic time."""
+
+    kind: str
+    since: float
+    answer: Future[ArtifactResult]
+
+
+class PathGuides(ArtifactTask[TrainPathGuide]):
+    """Requests for path guides. Only the engine's thread requests them."""
+
+    _name = Sentence("artifact-path-guide", "path guide")
+    _doing = "path_guide"
+    _patience_s = 600.0  # the kernel of pilot paths may have to be compiled first
+
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, events: Events) -> None:
+        super().__init__(dispatcher, workers, blobs, events)
+        self._awaited: dict[Key, _Awaited] = {}
+
+    def request_guides(self, jobs: Mapping[str, ActiveJob], kind_for: Callable[[ActiveJob], str | None]) -> None:
+        """Requests the guides of the frames that are rendered next, and passes those that were trained on to their frames.
+
+        jobs: the active jobs. kind_for: returns the worker kind that renders a job, or None.
+        """
+        self._hand_over(jobs)
+        for job in jobs.values():
+            if not job.is_guided or job.state not in ("queued", "running") or job.is_done:
+                continue
+            kind = kind_for(job)
+            if kind is not None and kind in job.compiled:
+                for frame in self._frames_in_need(job, kind):
+                    self._request_guide(job, frame, kind)
+        self._release_unneeded(jobs)
+
+    def discard_job(self, job: str) -> None:
+        """Discards the open requests and the guides of a job that was deleted, has ended or is loaded again."""
+        for key in [key for key in self._awaited if key[0] == job]:
+            del self._awaited[key]
+        super().discard_job(job)
+
+    def _frames_in_need(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
+        """Returns the frames whose guides are requested now: few more than are rendered soon."""
+        slots, turns = self._workers.roster.slots(kind), job.agenda.turns
+        if slots == 0:  # after a restart, until the workers report
+            return []
+        frames = turns.frames_without_guide(kind, max(1, slots // 2))
+        ahead = max(MIN_FRAMES_AHEAD, 2 * slots)
+        if not frames or turns.count_ready_before(kind, job.agenda.sort_key(frames[0]), ahead) >= ahead:
+            return []
+        return [frame for frame in frames if (job.id, frame.key) not in self._awaited]
+
+    def _request_guide(self, job: ActiveJob, frame: ActiveFrame, kind: str) -> None:
+        request = TrainPathGuide("", job.id, frame.key, kind, frame.compiled[kind], frame.settings or job.settings)
+        try:
+            self._awaited[job.id, frame.key] = _Awaited(kind, time.monotonic(), self.request(request))
+        except Unavailable:
+            self._set_guide(job, frame, kind, "")
+
+    def _hand_over(self, jobs: Mapping[str, ActiveJob]) -> None:
+        for key, awaited in list(self._awaited.items()):
+            job = jobs.get(key[0])
+            frame = job.frames.get(key[1]) if job is not None else None
+            if not awaited.answer.done() and job is not None:
+                continue
+            del self._awaited[key]
+            if job is None or frame is None:
+                self.discard_job(key[0])
+                continue
+            name = Sentence("label-frame", "frame {frame}", frame=frame_text(frame_number(frame.key)))
+            try:
+                found = awaited.answer.result().sha256
+                job.history.log.add_line(f"the path guide of {name} was trained in {time.monotonic() - awaited.since:.2f} s")
+            except FarmError as error:
+                found = ""  # each slot trains it
+                job.history.log.add_line(f"{name}: {error}")
+            self._set_guide(job, frame, awaited.kind, found)
+
+    def _set_guide(self, job: ActiveJob, frame: ActiveFrame, kind: str, sha256: str) -> None:
+        frame.guides[kind] = sha256
+        job.mark_changed(frame)
+
+    def _release_unneeded(self, jobs: Mapping[str, ActiveJob]) -> None:
+        """Releases the guides of frames that are finished, and of jobs that have ended."""
+        with self._lock:
+            made = list(self._made)
+        for job, key in made:
+            frame = jobs[job].frames.get(key) if job in jobs else None
+            if (job, key) not in self._awaited and (frame is None or frame.is_over):
+                self.release(job, key)
+
+    def _kind(self, request: TrainPathGuide) -> str | None:
+        ready = [report for report in self._workers.roster.ready_reports() if report.kind == request.kind]
+        return request.kind if ready and all(report.trains_guides for report in ready) else None
+
+    def _able_workers(self) -> list[WorkerReport]:
+        return [report for report in self._workers.roster.ready_reports() if report.trains_guides]
+
+    def _send(self, request: TrainPathGuide, queue: str) -> None:
+        self._dispatcher.send_path_guide(request, queue)
+
+    def _is_size(self, size: int, request: TrainPathGuide) -> bool:
+        return 0 < size <= MAX_BYTES
+
+    def _no_worker_error(self) -> Unavailable:
+        return Unavailable(Sentence("path-guide-needs-worker", "No ready worker can train path guides."))

@@ -1,0 +1,61 @@
+"""Tests of the benchmark of graphics cards: it continues where it ended, and its table has the ratios."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.benchmarks.bench_gpu import MissingError, Results, Step, _print_table
+
+
+def raising(error: BaseException) -> Any:
+    def run() -> None:
+        raise error
+
+    return run
+
+
+def test_steps_are_continued(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A step that ended is not run again, nor one in which the process died or failed; one whose library was missing is."""
+    results = Results(tmp_path, again=False)
+    results.run(Step("speed", "a", lambda: {"rate": 2.0}))
+    results.run(Step("speed", "b", raising(ValueError("no such scene"))))
+    results.run(Step("mitsuba", "a", raising(MissingError("not installed"))))
+    with pytest.raises(KeyboardInterrupt):
+        results.run(Step("speed", "c", raising(KeyboardInterrupt())))
+    assert "speed: b: ValueError: no such scene (" in capsys.readouterr().out
+    with (tmp_path / "results.jsonl").open("a") as file:
+        file.write('{"step": "spe')  # the disk was full
+    again = Results(tmp_path, again=False)
+    assert again.values == {"speed: a": {"rate": 2.0}}
+    assert again.failures == {"speed: b": "ValueError: no such scene", "speed: c": "the process ended"}
+    for name in "abc":
+        again.run(Step("speed", name, raising(AssertionError("run again"))))
+    again.run(Step("mitsuba", "a", lambda: {"rate": 1.0}))
+    assert again.of("mitsuba") == {"a": {"rate": 1.0}}
+    last = Results(tmp_path, again=True)
+    last.run(Step("speed", "c", lambda: {"rate": 3.0}))
+    assert last.values["speed: c"] == {"rate": 3.0}
+    assert last.failures == {}
+
+
+def test_table_has_ratios_and_their_means(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    entries = {
+        "speed: box, 512x512x64": {"rate": 300.0, "first": 4.0},
+        "speed: box, 512x512x256": {"rate": 480.0, "first": 1.0},
+        "mitsuba: box, 512x512x64": {"rate": 200.0, "first": 2.0},
+        "mitsuba: box, 512x512x256": {"rate": 80.0, "first": 2.0},
+        "cores: box, 512x512x16": {"rate": 10.0, "first": 1.0},
+        "profile: box": {"trace_rays": 3.5, "end_paths": 1.5},
+    }
+    lines = [json.dumps({"step": step, "value": value}) for step, value in entries.items()]
+    (tmp_path / "results.jsonl").write_text("\n".join(lines) + "\n")
+    _print_table(Results(tmp_path, again=False))
+    said = [line.split() for line in capsys.readouterr().out.splitlines() if line]
+    assert said[1][-6:] == ["300.00", "200.00", "1.50", "10.00", "30.00", "4.00"]
+    assert said[2][-6:] == ["480.00", "80.00", "6.00", "10.00", "48.00", "1.00"]
+    assert said[3] == ["geometric", "mean", "3.00", "37.95"]
+    assert said[4] == ["profile:", "box:", "trace_rays", "3.5,", "end_paths", "1.5"]

@@ -1,0 +1,118 @@
+"""Tests of path guides on a farm: each frame's is trained once, before its batches, and slots do other work meanwhile."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+import time
+
+import pytest
+
+from protocol.contract import TrainPathGuide
+from service.http.redaction import RESOURCE_FIELDS
+from service.scheduling.artifacts import artifact_task
+from service.scheduling.artifacts.artifact_task import ArtifactTask
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker, guide_of
+
+
+def sha256_of(job: str, frame: int) -> str:
+    return hashlib.sha256(guide_of(job, frame)).hexdigest()
+
+
+def test_guide_is_trained_once_and_slots_do_other_work_meanwhile(service: Service, worker: PeerWorker) -> None:
+    """Two machines. While one trains, the other renders a job without a guide, and no batch of the guided one."""
+    may_end, began = threading.Event(), threading.Event()
+
+    def hold(work: TrainPathGuide) -> None:
+        began.set()
+        assert may_end.wait(20)
+
+    scene = service.ready_scene()
+    with service.worker(name="second") as second:
+        both = (worker, second)
+        for each in both:
+            each.on_path_guide = hold
+        guided = service.submit(scene, guiding="on")
+        assert began.wait(20)
+        other = service.submit(scene)
+        service.wait_for(other, "finished")
+        assert not [batch for each in both for batch in each.batches if batch.job == guided]
+        may_end.set()
+        service.wait_for(guided, "finished")
+    ((trained,),) = [[work for each in both for work in each.path_guides]]
+    assert (trained.job, trained.frame, trained.kind, trained.settings.guiding) == (guided, 0, "test-kind", "on")
+    batches = [batch for each in both for batch in each.batches]
+    assert {batch.guide for batch in batches if batch.job == guided} == {sha256_of(guided, 0)}
+    assert {batch.guide for batch in batches if batch.job == other} == {""}
+    assert {batch.compiled for batch in batches if batch.job == guided} == {trained.compiled}
+    assert service.digest(guided) == service.digest(other), "a peer's samples do not depend on the guide"
+
+
+def test_frames_of_a_shot_have_guides_of_their_own_which_are_released(service: Service, worker: PeerWorker) -> None:
+    job = service.submit(service.ready_scene(), frames="1-5", turntable=2.0, guiding="auto")
+    service.wait_for(job, "finished")
+    frames = [2 * number for number in range(1, 6)]
+    assert sorted(work.frame for work in worker.path_guides) == frames
+    assert len({work.settings.view for work in worker.path_guides}) == 5
+    for batch in worker.batches:
+        assert batch.guide == sha256_of(job, batch.frame)
+    blobs = service.farm.blobs
+    until(lambda: not any(blobs.exists(sha256_of(job, frame)) for frame in frames), "the guides are deleted")
+
+
+def test_guides_that_cannot_be_trained_are_left_to_the_slots(service: Service, worker: PeerWorker) -> None:
+    def fail(work: TrainPathGuide) -> None:
+        raise ValueError("there is no disk")
+
+    worker.on_path_guide = fail
+    job = service.submit(service.ready_scene(), guiding="on")
+    service.wait_for(job, "finished")
+    assert {batch.guide for batch in worker.batches} == {""}
+    assert "The path guide could not be made: there is no disk." in service.http.get(f"/api/jobs/{job}/log").text
+
+
+def test_older_workers_train_their_guides_themselves(service: Service) -> None:
+    with service.worker(trains_guides=False) as worker:
+        service.wait_for(service.submit(service.ready_scene(), guiding="on"), "finished")
+        assert worker.path_guides == [] and {batch.guide for batch in worker.batches} == {""}
+
+
+@pytest.mark.long
+def test_guide_of_killed_worker_is_trained_again(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(artifact_task, "MAX_UNSEEN_POLLS", 2)
+    lost: list[str] = []
+
+    def lose_the_first(work: TrainPathGuide) -> bool:
+        if lost:
+            return False
+        lost.append(work.job)
+        worker.current = {"path_guide": work.job, "frame": 0}
+        worker.report()
+        time.sleep(2.2)  # the service polls once per second
+        worker.current = {}
+        return True
+
+    worker.on_path_guide = lose_the_first
+    job = service.submit(service.ready_scene(), guiding="on")
+    service.wait_for(job, "finished", 30)
+    assert (lost, len(worker.path_guides)) == ([job], 1)
+    assert {batch.guide for batch in worker.batches} == {sha256_of(job, 0)}
+
+
+@pytest.mark.long
+def test_restarted_service_has_guides_trained_again(service: Service, worker: PeerWorker) -> None:
+    """A service that is restarted between a frame's batches loses none of them; the guide is the same."""
+    job = service.submit(service.ready_scene(), guiding="on", spp=64)
+    until(lambda: len(worker.batches) >= 2, "it is being rendered")
+    service.restart()
+    worker.http.base_url = service.url  # which has another port
+    service.wait_for(job, "finished", 30)
+    assert {batch.guide for batch in worker.batches} == {sha256_of(job, 0)}
+    plain = service.submit(service.ready_scene(), spp=64)
+    service.wait_for(plain, "finished", 30)
+    assert service.digest(job) == service.digest(plain)
+
+
+def test_slots_do_not_show_hidden_jobs_by_their_artifacts() -> None:
+    assert {each._doing for each in ArtifactTask.__subclasses__()} <= RESOURCE_FIELDS.keys()

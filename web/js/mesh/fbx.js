@@ -1,0 +1,355 @@
+/**
+ * Reads binary FBX files for a preview: meshes in their places, skinned as the bones stand, with colours and textures. Animation, blend
+ * shapes, subdivision, text files and versions before 7.0 are left to the service.
+ */
+
+import { pictureType } from "./files.js";
+import { arrayOf, childOf, nodesOf, propertiesOf } from "./fbx-nodes.js";
+import { IDENTITY, cofactors, product, rotation, scaling, translation, transposed } from "./matrix.js";
+import { GREY, WHITE, coded, modelOf } from "./model.js";
+import { orbitView } from "./shapes.js";
+
+/** @typedef {import("./fbx-nodes.js").Node} Node */
+/** @typedef {import("./fbx-nodes.js").Value} Value */
+/** @typedef {import("./model.js").Part} Part */
+/** @typedef {import("./shapes.js").Picture} Picture */
+/** @typedef {import("./shapes.js").Shape} Shape */
+/** @typedef {Map<string, Value[]>} Properties */
+/** @typedef {{node: Node, kind: string, properties: Properties}} Thing an object of the file; kind: its class, such as "Mesh" */
+/** @typedef {{color: number[], image: Picture | null}} Material */
+
+const ORDERS = ["xyz", "xzy", "yzx", "yxz", "zxy", "zyx"];
+const MOST_DEPTH = 256;
+const [INCH, CENTIMETRES] = [25.4, 100];
+const DIRECTIONAL = 1; // light type
+
+/** The objects of a file, and how they are connected. */
+class Scene {
+  /** @param {Node[]} nodes */
+  constructor(nodes) {
+    /** @type {Map<string, Thing>} by id */
+    this.things = new Map();
+    /** @type {Map<string, {id: string, property: string}[]>} */
+    this.children = new Map();
+    /** @type {Map<string, string[]>} */
+    this.parents = new Map();
+    /** @type {Map<string, number[]>} of the models, to world space */
+    this.worlds = new Map();
+    this.settings = propertiesOf(nodes.find(({ name }) => name === "GlobalSettings"));
+    this.root = rootOf(this.settings);
+    for (const node of nodes.find(({ name }) => name === "Objects")?.children ?? [])
+      this.things.set(String(node.values[0]), { node, kind: String(node.values[2]), properties: propertiesOf(node) });
+    for (const { values } of nodes.find(({ name }) => name === "Connections")?.children ?? []) {
+      const [child, parent] = [String(values[1]), String(values[2])];
+      this.children.set(parent, [...(this.children.get(parent) ?? []), { id: child, property: String(values[3] ?? "") }]);
+      this.parents.set(child, [...(this.parents.get(child) ?? []), parent]);
+    }
+  }
+
+  /** @param {string} name of the objects' nodes, such as "Model" @param {string} [kind] @returns {[string, Thing][]} with their ids */
+  all(name, kind) {
+    return [...this.things].filter(([, thing]) => thing.node.name === name && (!kind || thing.kind === kind));
+  }
+
+  /** @param {string} id @param {string} name @param {string} [kind] @returns {[string, Thing][]} the objects below another one, with their ids */
+  below(id, name, kind) {
+    return (this.children.get(id) ?? []).flatMap(({ id: child }) => {
+      const thing = this.things.get(child);
+      return thing?.node.name === name && (!kind || thing.kind === kind) ? [/** @type {[string, Thing]} */ ([child, thing])] : [];
+    });
+  }
+
+  /** @param {string} id @returns {string | undefined} the model above a model */
+  above(id) {
+    return this.parents.get(id)?.find((parent) => this.things.get(parent)?.node.name === "Model");
+  }
+
+  /** @param {string} id @param {number} [depth] @returns {number[]} */
+  world(id, depth = 0) {
+    const known = this.worlds.get(id);
+    if (known) return known;
+    const parent = depth < MOST_DEPTH ? this.above(id) : undefined;
+    const found = product(parent === undefined ? this.root : this.world(parent, depth + 1), ownMatrix(this.things.get(id)?.properties ?? new Map()));
+    this.worlds.set(id, found);
+    return found;
+  }
+
+  /** @param {string} id @param {number} [depth] @returns {boolean} whether a model and those above it are shown */
+  isShown(id, depth = 0) {
+    const properties = this.things.get(id)?.properties;
+    if (properties?.get("Visibility")?.[0] === 0 || properties?.get("Show")?.[0] === 0) return false;
+    const parent = this.above(id);
+    if (parent === undefined || depth > MOST_DEPTH) return true;
+    const isCoarse = this.below(parent, "NodeAttribute", "LodGroup").length > 0 && this.below(parent, "Model")[0]?.[0] !== id;
+    return !isCoarse && this.isShown(parent, depth + 1);
+  }
+}
+
+/**
+ * @param {Uint8Array<ArrayBuffer>} file
+ * @param {(reference: string) => Promise<Picture | null>} picture returns an image that the file names
+ * @param {number} [most] triangles, about
+ * @returns {Promise<import("./shapes.js").LocalMesh | null>} null if only the service can read it
+ */
+export async function readFbx(file, picture, most) {
+  const nodes = nodesOf(file);
+  if (!nodes) return null;
+  const scene = new Scene(nodes);
+  /** @type {Map<string, Promise<Material>>} */
+  const materials = new Map();
+  /** @type {Part[]} */
+  const parts = [];
+  let isStill = !scene.all("AnimationCurve").length;
+  for (const [id] of scene.all("Model")) {
+    if (!scene.isShown(id)) continue;
+    for (const [geometry, thing] of scene.below(id, "Geometry", "Mesh")) {
+      isStill &&= !scene.below(geometry, "Deformer").length;
+      const shapes = await shapesOf(thing.node, await placing(scene, id, geometry));
+      const slots = scene.below(id, "Material");
+      for (const [slot, shape] of shapes) {
+        const [key, material] = slots[slot] ?? ["", undefined];
+        if (!materials.has(key)) materials.set(key, material ? materialOf(scene, key, material, picture) : Promise.resolve({ color: GREY, image: null }));
+        const { color, image } = await /** @type {Promise<Material>} */ (materials.get(key));
+        parts.push({ shape: image ? { ...shape, colors: null } : shape, color, image });
+      }
+    }
+  }
+  const lamps = lampsOf(scene);
+  const isLit = lamps.length > 0; // in a black world
+  return modelOf(parts, IDENTITY, isStill, most, { background: isLit ? [0, 0, 0] : null, lamps: isLit ? lamps : undefined, camera: (low, high) => cameraOf(scene, low, high) });
+}
+
+/** @param {Properties} properties @param {string} name @param {number} otherwise @returns {number} */
+const numberIn = (properties, name, otherwise) => Number(properties.get(name)?.[0] ?? otherwise);
+
+/** @param {Properties} properties @param {string} name @param {number[]} [otherwise] @returns {number[]} */
+const vectorIn = (properties, name, otherwise = [0, 0, 0]) => properties.get(name)?.slice(0, 3).map(Number) ?? otherwise;
+
+/** Returns the matrix from the file's axes and unit to X right, Y up, Z to the front, and metres. @param {Properties} settings */
+function rootOf(settings) {
+  const scale = numberIn(settings, "UnitScaleFactor", 1) / CENTIMETRES;
+  const matrix = IDENTITY.map(() => 0);
+  [["CoordAxis", 0], ["UpAxis", 1], ["FrontAxis", 2]].forEach(([name, axis], row) => {
+    const column = numberIn(settings, String(name), Number(axis));
+    matrix[4 * (column >= 0 && column < 3 ? column : Number(axis)) + row] = scale * Math.sign(numberIn(settings, `${name}Sign`, 1));
+  });
+  matrix[15] = 1;
+  return matrix;
+}
+
+/** Returns a model's transform to its parent. Source: Autodesk, FBX SDK documentation, "Computing transformation matrices". @param {Properties} properties */
+function ownMatrix(properties) {
+  const at = (/** @type {string} */ name) => vectorIn(properties, name);
+  const isActive = numberIn(properties, "RotationActive", 0) !== 0 && numberIn(properties, "RotationSpaceForLimitOnly", 0) === 0;
+  const order = isActive ? (ORDERS[numberIn(properties, "RotationOrder", 0)] ?? "xyz") : "xyz";
+  const turn = rotation(at("Lcl Rotation"), order);
+  const turned = isActive ? [rotation(at("PreRotation")), turn, transposed(rotation(at("PostRotation")))] : [turn];
+  return [
+    ...[translation(at("Lcl Translation")), translation(at("RotationOffset")), translation(at("RotationPivot")), ...turned],
+    ...[translation(at("RotationPivot"), -1), translation(at("ScalingOffset")), translation(at("ScalingPivot"))],
+    ...[scaling(vectorIn(properties, "Lcl Scaling", [1, 1, 1])), translation(at("ScalingPivot"), -1)],
+  ].reduce(product);
+}
+
+/**
+ * Returns a function that places the points of a geometry in the world: by its model or, where it has a skin, by its bones.
+ *
+ * @param {Scene} scene
+ * @param {string} model
+ * @param {string} geometry
+ * @returns {Promise<Placing>}
+ */
+async function placing(scene, model, geometry) {
+  const properties = scene.things.get(model)?.properties ?? new Map();
+  const at = (/** @type {string} */ name) => vectorIn(properties, name);
+  const own = [translation(at("GeometricTranslation")), rotation(at("GeometricRotation")), scaling(vectorIn(properties, "GeometricScaling", [1, 1, 1]))].reduce(product);
+  const matrix = product(scene.world(model), own);
+  const skin = scene.below(geometry, "Deformer", "Skin")[0]?.[0];
+  if (skin === undefined) return { matrix, joints: [] };
+  const joints = [];
+  for (const [cluster, { node }] of scene.below(skin, "Deformer", "Cluster")) {
+    const bone = scene.below(cluster, "Model")[0]?.[0];
+    const [indices, weights, transform] = [await arrayOf(node, "Indexes"), await arrayOf(node, "Weights"), await arrayOf(node, "Transform")];
+    if (bone !== undefined && indices && weights && transform) joints.push({ indices, weights, matrix: product(scene.world(bone), product([...transform], own)) });
+  }
+  return { matrix, joints };
+}
+
+/** @typedef {{matrix: number[], joints: {indices: Int32Array, weights: Float64Array, matrix: number[]}[]}} Placing */
+
+/** @param {Float64Array} points @param {Placing} placing @returns {Float32Array} the points in the world */
+function placed(points, { matrix, joints }) {
+  const found = new Float32Array(points.length);
+  const sums = new Float64Array(joints.length ? points.length : 0);
+  const weight = new Float64Array(joints.length ? points.length / 3 : 0);
+  /** @param {number[]} m @param {number} i @param {number} share @param {Float32Array | Float64Array} to */
+  const add = ([a = 0, b = 0, c = 0, , d = 0, e = 0, f = 0, , g = 0, h = 0, k = 0, , x = 0, y = 0, z = 0], i, share, to) => {
+    const [u = 0, v = 0, w = 0] = [points[3 * i], points[3 * i + 1], points[3 * i + 2]];
+    to[3 * i] = (to[3 * i] ?? 0) + share * (a * u + d * v + g * w + x);
+    to[3 * i + 1] = (to[3 * i + 1] ?? 0) + share * (b * u + e * v + h * w + y);
+    to[3 * i + 2] = (to[3 * i + 2] ?? 0) + share * (c * u + f * v + k * w + z);
+  };
+  for (const joint of joints)
+    joint.indices.forEach((i, k) => {
+      const share = joint.weights[k] ?? 0;
+      if (i < 0 || i >= weight.length || !(share > 0)) return;
+      add(joint.matrix, i, share, sums);
+      weight[i] = (weight[i] ?? 0) + share;
+    });
+  for (let i = 0; i < points.length / 3; i++) {
+    const total = weight[i] ?? 0;
+    if (total > 0) for (let axis = 0; axis < 3; axis++) found[3 * i + axis] = (sums[3 * i + axis] ?? 0) / total;
+    else add(matrix, i, 1, found);
+  }
+  return found;
+}
+
+/**
+ * Returns the triangles of a geometry in the world, by the slots of their materials. Polygons are cut into fans.
+ *
+ * @param {Node} geometry
+ * @param {Placing} placing
+ * @returns {Promise<[number, Shape][]>}
+ */
+async function shapesOf(geometry, placing) {
+  const [points, polygons] = [await arrayOf(geometry, "Vertices"), await arrayOf(geometry, "PolygonVertexIndex")];
+  if (!points || !polygons) return [];
+  const positions = placed(points, placing);
+  const isSkinned = placing.joints.length > 0;
+  const normals = isSkinned ? null : await layerOf(geometry, "LayerElementNormal", "Normals", "NormalsIndex", 3, polygons);
+  const uvs = await layerOf(geometry, "LayerElementUV", "UV", "UVIndex", 2, polygons);
+  const colors = await layerOf(geometry, "LayerElementColor", "Colors", "ColorIndex", 4, polygons);
+  const layer = childOf(geometry, "LayerElementMaterial");
+  const slots = childOf(layer, "MappingInformationType")?.values[0] === "ByPolygon" ? await arrayOf(layer, "Materials") : null;
+  /** @type {Map<number, number[]>} corners of each slot's triangles */
+  const bySlot = new Map();
+  for (let first = 0, polygon = 0, corner = 0; corner < polygons.length; corner++) {
+    if (polygons[corner] >= 0) continue;
+    const slot = slots?.[polygon++] ?? 0;
+    const corners = bySlot.get(slot) ?? [];
+    bySlot.set(slot, corners);
+    for (let next = first + 1; next < corner; next++) corners.push(first, next, next + 1);
+    first = corner + 1;
+  }
+  const turn = cofactors(placing.matrix);
+  return [...bySlot].map(([slot, corners]) => {
+    const count = corners.length;
+    /** @type {Shape} */
+    const shape = {
+      ...{ positions: new Float32Array(3 * count), normals: normals && new Float32Array(3 * count), uvs: uvs && new Float32Array(2 * count) },
+      ...{ colors: colors && new Uint8Array(3 * count), indices: new Uint32Array(count) },
+    };
+    corners.forEach((corner, i) => {
+      const index = polygons[corner] < 0 ? ~polygons[corner] : polygons[corner];
+      shape.indices[i] = i;
+      for (let axis = 0; axis < 3; axis++) {
+        shape.positions[3 * i + axis] = positions[3 * index + axis] ?? NaN;
+        if (normals && shape.normals) shape.normals[3 * i + axis] = [0, 1, 2].reduce((sum, k) => sum + (turn[3 * k + axis] ?? 0) * (normals[3 * corner + k] ?? 0), 0);
+      }
+      if (uvs && shape.uvs) shape.uvs.set([uvs[2 * corner] ?? 0, 1 - (uvs[2 * corner + 1] ?? 0)], 2 * i); // FBX measures v from the lower edge
+      if (colors && shape.colors) shape.colors.set(coded([...colors.subarray(4 * corner, 4 * corner + 3)]), 3 * i);
+    });
+    return [slot, shape];
+  });
+}
+
+/**
+ * Returns the values of a layer at the corners of the polygons.
+ *
+ * @param {Node} geometry
+ * @param {string} layer
+ * @param {string} name of its values
+ * @param {string} indexed name of its indices
+ * @param {number} width
+ * @param {Int32Array} polygons
+ * @returns {Promise<Float32Array | null>} null if there is none, or if it is mapped otherwise than by corner or by vertex
+ */
+async function layerOf(geometry, layer, name, indexed, width, polygons) {
+  const node = childOf(geometry, layer);
+  const values = await arrayOf(node, name);
+  const mapping = childOf(node, "MappingInformationType")?.values[0];
+  const isByCorner = mapping === "ByPolygonVertex";
+  if (!values || !(isByCorner || mapping === "ByVertice" || mapping === "ByVertex")) return null;
+  const indices = childOf(node, "ReferenceInformationType")?.values[0] === "Direct" ? null : await arrayOf(node, indexed);
+  const found = new Float32Array(width * polygons.length);
+  polygons.forEach((point, corner) => {
+    const at = isByCorner ? corner : point < 0 ? ~point : point;
+    const row = indices ? (indices[at] ?? -1) : at;
+    for (let k = 0; k < width; k++) found[width * corner + k] = values[width * row + k] ?? 0;
+  });
+  return found;
+}
+
+/** @param {Scene} scene @param {string} id @param {Thing} thing @param {(reference: string) => Promise<Picture | null>} picture @returns {Promise<Material>} */
+async function materialOf(scene, id, { properties }, picture) {
+  const glow = vectorIn(properties, "EmissiveColor").map((value) => value * numberIn(properties, "EmissiveFactor", 1));
+  if (Math.max(...glow) > 0) return { color: [...coded(glow), 0], image: null };
+  const factor = numberIn(properties, "DiffuseFactor", 1);
+  const texture = scene.children.get(id)?.find(({ property }) => property === "DiffuseColor")?.id;
+  const image = texture === undefined ? null : await imageOf(scene, texture, picture);
+  if (image) return { color: factor === 1 ? WHITE : [...coded([factor, factor, factor]), 255], image };
+  return { color: [...coded(vectorIn(properties, "DiffuseColor", [0.8, 0.8, 0.8]).map((value) => value * factor)), 255], image: null };
+}
+
+/** @param {Scene} scene @param {string} texture @param {(reference: string) => Promise<Picture | null>} picture @returns {Promise<Picture | null>} */
+async function imageOf(scene, texture, picture) {
+  const video = scene.below(texture, "Video")[0]?.[1].node;
+  const names = [video, scene.things.get(texture)?.node].flatMap((node) => ["RelativeFilename", "FileName", "Filename"].map((name) => childOf(node, name)?.values[0]));
+  const named = names.filter((name) => typeof name === "string" && name !== "").map(String);
+  const content = childOf(video, "Content")?.values[0];
+  const type = pictureType(named[0] ?? "");
+  if (content instanceof Uint8Array && content.length && type) return { bytes: content, type };
+  for (const name of named) {
+    const found = await picture(name);
+    if (found) return found;
+  }
+  return null;
+}
+
+/** Returns the file's lamps: areas and spots like points, all as bright, since FBX states no unit. @param {Scene} scene @returns {import("./shapes.js").Lamp[]} */
+function lampsOf(scene) {
+  return scene.all("Model", "Light").flatMap(([id]) => {
+    const properties = scene.below(id, "NodeAttribute", "Light")[0]?.[1].properties;
+    if (!properties || !scene.isShown(id)) return [];
+    const isFar = numberIn(properties, "LightType", 0) === DIRECTIONAL;
+    const world = scene.world(id);
+    const at = /** @type {import("./shapes.js").Vec3} */ ((isFar ? [4, 5, 6] : [12, 13, 14]).map((i) => world[i] ?? 0)); // lamps shine along -Y
+    return [{ at, isFar, color: /** @type {import("./shapes.js").Vec3} */ (vectorIn(properties, "Color", [1, 1, 1])) }];
+  });
+}
+
+/** Returns the view through the file's default or first perspective camera. @param {Scene} scene @param {import("./shapes.js").Vec3} low @param {import("./shapes.js").Vec3} high */
+function cameraOf(scene, low, high) {
+  const wanted = scene.settings.get("DefaultCamera")?.[0];
+  const found = scene.all("Model", "Camera").flatMap(([id, { node }]) => {
+    const properties = scene.below(id, "NodeAttribute", "Camera")[0]?.[1].properties;
+    return properties && numberIn(properties, "CameraProjectionType", 0) === 0 ? [{ id, properties, name: String(node.values[1]).split("\0")[0] }] : [];
+  });
+  const camera = found.find(({ name }) => name === wanted) ?? found[0];
+  if (!camera) return null;
+  const world = scene.world(camera.id);
+  const column = (/** @type {number} */ first, sign = 1) => /** @type {import("./shapes.js").Vec3} */ ([0, 1, 2].map((i) => sign * (world[first + i] ?? 0)));
+  const fov = fieldOfView(camera.properties);
+  return orbitView(column(12), column(0, -1), column(4), fov, low, high); // cameras look along +X
+}
+
+/** How the picture's window fits the film: the film's width or height is kept, or the one that shows less or more. */
+const FITS = { vertical: 1, horizontal: 2, fill: 3, overscan: 4 };
+/** What states a camera's field of view. */
+const APERTURES = { both: 0, horizontal: 1, vertical: 2, focalLength: 3 };
+
+/** Returns a camera's vertical field of view in degrees, as ufbx does. @param {Properties} properties */
+function fieldOfView(properties) {
+  const at = (/** @type {string} */ name, otherwise = 0) => numberIn(properties, name, otherwise);
+  const aspect = at("AspectWidth") / at("AspectHeight") || 4 / 3;
+  let [wide, tall] = [at("FilmWidth", 0.816), at("FilmHeight", 0.612)]; // inches
+  const fit = at("GateFit");
+  const isWider = wide / tall > aspect;
+  if (fit === FITS.horizontal || (fit === FITS.fill && !isWider) || (fit === FITS.overscan && isWider)) tall = wide / aspect;
+  else if (fit) wide = tall * aspect;
+  const mode = at("ApertureMode", APERTURES.vertical);
+  const degrees = (/** @type {number} */ tangent) => (360 / Math.PI) * Math.atan(tangent);
+  if (mode === APERTURES.focalLength) return degrees((tall * INCH) / 2 / (at("FocalLength") || 35));
+  if (mode === APERTURES.horizontal) return degrees((Math.tan((at("FieldOfView", 40) * Math.PI) / 360) * tall) / wide);
+  return mode === APERTURES.both ? at("FieldOfViewY", 40) : at("FieldOfView", 40);
+}

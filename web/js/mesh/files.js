@@ -1,0 +1,137 @@
+/** The files of an upload as a reader sees them: by path, also those in a zip, with the same choice of the scene's file as the service. */
+
+/** @typedef {import("../shell/gather-files.js").NamedFile} NamedFile */
+
+/**
+ * @typedef {object} Files
+ * @property {string[]} names
+ * @property {(name: string) => Promise<Uint8Array<ArrayBuffer>>} read
+ */
+
+const PICTURES = /** @type {Record<string, string>} */ ({ jpg: "image/jpeg", jpeg: "image/jpeg", png: "image/png", webp: "image/webp", gif: "image/gif", bmp: "image/bmp" });
+
+/** Returns the media type of an image that browsers can read, by its name; "" for others. @param {string} name */
+export const pictureType = (name) => PICTURES[name.slice(name.lastIndexOf(".") + 1).toLowerCase()] ?? "";
+
+const AUXILIARY = ["control", "cage", "collision", "collider", "proxy", "lowpoly", "low_poly"];
+
+/**
+ * Returns the file that the service reads as the scene (pick_main of renderer/formats.py): the one of the best format, then that in
+ * the fewest folders, of a name that marks no auxiliary file, of the shortest name.
+ *
+ * @param {string[]} names
+ * @param {string[]} formats suffixes, best first
+ * @returns {string | undefined}
+ */
+export function pickMain(names, formats) {
+  /** @type {[number[], string][]} */
+  const found = [];
+  for (const name of names) {
+    const parts = name.split("/");
+    const title = (parts.at(-1) ?? "").toLowerCase();
+    const rank = formats.indexOf(title.slice(title.lastIndexOf(".")));
+    if (rank < 0 || parts.some((part) => part.startsWith(".") || part === "__MACOSX")) continue;
+    found.push([[rank, parts.length, Number(AUXILIARY.some((word) => title.includes(word))), [...name].length], name]);
+  }
+  found.sort(([a, one], [b, other]) => a.reduce((sign, value, i) => sign || value - (b[i] ?? 0), 0) || (one < other ? -1 : 1));
+  return found[0]?.[1];
+}
+
+/**
+ * Returns the name of a file that another one refers to: relative to that one, or else the only one of that name in any folder.
+ *
+ * @param {string[]} names
+ * @param {string} reference
+ * @param {string} from
+ * @returns {string | undefined}
+ */
+export function find(names, reference, from) {
+  /** @type {string[]} */
+  const path = [];
+  for (const part of [...from.split("/").slice(0, -1), ...reference.replaceAll("\\", "/").split("/")])
+    if (part === "..") path.pop();
+    else if (part && part !== ".") path.push(part);
+  const folded = (/** @type {string} */ name) => name.toLowerCase();
+  const wanted = folded(path.join("/"));
+  const title = folded(path.at(-1) ?? "");
+  const exact = names.find((name) => folded(name) === wanted);
+  if (exact) return exact;
+  const alike = names.filter((name) => folded(name.slice(name.lastIndexOf("/") + 1)) === title);
+  return alike.length === 1 ? alike[0] : undefined;
+}
+
+/**
+ * @param {NamedFile[]} given files, or a single zip
+ * @returns {Promise<Files>}
+ */
+export async function filesOf(given) {
+  const [only, ...others] = given;
+  if (only && !others.length && only.path.toLowerCase().endsWith(".zip")) return zipOf(only.file);
+  const byName = new Map(given.map(({ path, file }) => [path, file]));
+  return { names: [...byName.keys()], read: async (name) => new Uint8Array(await /** @type {File} */ (byName.get(name)).arrayBuffer()) };
+}
+
+const [END, ENTRY] = [0x06054b50, 0x02014b50];
+const [STORED, DEFLATED] = [0, 8];
+/** Bytes of the end record, and of the longest comment after it. */
+const [END_BYTES, MOST_COMMENT] = [22, 65535];
+/** Larger contents are left to the service. */
+const MOST_BYTES = 512 * 1024 * 1024;
+
+/**
+ * Reads a zip's directory. Source: PKWARE's APPNOTE.TXT, sections 4.3 and 4.4; without zip64.
+ *
+ * @param {Blob} file
+ * @returns {Promise<Files>}
+ */
+async function zipOf(file) {
+  const tail = new DataView(await file.slice(Math.max(0, file.size - END_BYTES - MOST_COMMENT)).arrayBuffer());
+  let end = tail.byteLength - END_BYTES;
+  while (end >= 0 && tail.getUint32(end, true) !== END) end--;
+  if (end < 0) throw new Error("no directory");
+  const [count, bytes, start] = [tail.getUint16(end + 10, true), tail.getUint32(end + 12, true), tail.getUint32(end + 16, true)];
+  const directory = new DataView(await file.slice(start, start + bytes).arrayBuffer());
+  /** @type {Map<string, {method: number, packed: number, size: number, at: number}>} */
+  const entries = new Map();
+  for (let i = 0, at = 0; i < count && directory.getUint32(at, true) === ENTRY; i++) {
+    const length = directory.getUint16(at + 28, true);
+    const name = new TextDecoder().decode(new Uint8Array(directory.buffer, at + 46, length));
+    const [method, packed, size] = [directory.getUint16(at + 10, true), directory.getUint32(at + 20, true), directory.getUint32(at + 24, true)];
+    if (!name.endsWith("/")) entries.set(name, { method, packed, size, at: directory.getUint32(at + 42, true) });
+    at += 46 + length + directory.getUint16(at + 30, true) + directory.getUint16(at + 32, true);
+  }
+  return {
+    names: [...entries.keys()],
+    async read(name) {
+      const entry = entries.get(name);
+      if (!entry || entry.size > MOST_BYTES) throw new Error("not read here");
+      const head = new DataView(await file.slice(entry.at, entry.at + 30).arrayBuffer());
+      const first = entry.at + 30 + head.getUint16(26, true) + head.getUint16(28, true);
+      const content = file.slice(first, first + entry.packed);
+      if (entry.method === STORED) return new Uint8Array(await content.arrayBuffer());
+      if (entry.method !== DEFLATED) throw new Error("another compression");
+      return inflated(content, "deflate-raw", entry.size);
+    },
+  };
+}
+
+/**
+ * Decompresses. Rejects when the contents are damaged, or larger than stated.
+ *
+ * @param {Blob} packed
+ * @param {CompressionFormat} format
+ * @param {number} size of the contents in bytes
+ * @returns {Promise<Uint8Array<ArrayBuffer>>}
+ */
+export async function inflated(packed, format, size) {
+  const found = new Uint8Array(size);
+  let at = 0;
+  const reader = packed.stream().pipeThrough(new DecompressionStream(format)).getReader();
+  for (;;) {
+    const { done, value } = await reader.read();
+    if (done) break;
+    found.set(value, at); // throws a RangeError beyond the stated size
+    at += value.length;
+  }
+  return found;
+}

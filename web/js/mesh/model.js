@@ -1,0 +1,52 @@
+/** Makes a preview of the shapes of a file: decimates them, computes missing normals, turns them upright, and frames them. */
+
+import { MOST_TRIANGLES, decimated, encoded, frame, joined } from "./shapes.js";
+import { smoothed } from "./smooth.js";
+import { uprightMatrix } from "./up-axis.js";
+
+/** @typedef {import("./shapes.js").LocalMesh} LocalMesh */
+/** @typedef {import("./shapes.js").Picture} Picture */
+/** @typedef {import("./shapes.js").Shape} Shape */
+/** @typedef {import("./shapes.js").Vec3} Vec3 */
+
+/** A shape with its colour (sRGB, and 255 or 0, unshaded) and its image. @typedef {{shape: Shape, color: number[], image: Picture | null, cutoff?: number}} Part */
+
+/** sRGB of linear 0.8 (renderer/scene/material.py), and of white. */
+export const GREY = [231, 231, 231, 255];
+export const WHITE = [255, 255, 255, 255];
+
+/** Returns linear values as sRGB, 0 to 255. @param {number[]} linear */
+export const coded = (linear) => linear.map((value) => Math.round(255 * encoded(Math.min(Math.max(value, 0), 1))));
+
+/**
+ * @param {Part[]} parts
+ * @param {"y" | "z" | number[]} up the format's conventional up axis, or the matrix by which the file becomes Y up
+ * @param {boolean} isWhole whether the service would show the same materials
+ * @param {number} [most] triangles, about
+ * @param {{background?: Vec3 | null, lamps?: import("./shapes.js").Lamp[], camera?: (low: Vec3, high: Vec3) => import("../base/types.js").View | null}} [own] the file's own world, as in MeshPacket, and camera
+ * @returns {LocalMesh | null} null if there are no triangles, or a position or an index is invalid
+ */
+export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES, { background = null, lamps, camera } = {}) {
+  const shown = parts.filter(({ shape }) => shape.indices.length > 0);
+  const total = shown.reduce((sum, { shape }) => sum + shape.indices.length / 3, 0);
+  if (!total || !shown.every(({ shape }) => isBelow(shape.indices, shape.positions.length / 3))) return null;
+  const matrix = Array.isArray(up) ? up : uprightMatrix(shown.map(({ shape }) => shape), up);
+  const images = [...new Set(shown.flatMap(({ image, shape }) => (image && shape.uvs ? [image] : [])))];
+  const shapes = smoothed(shown.map(({ shape }) => decimated(shape, Math.min(1, most / total))));
+  const drawn = shown.map(({ color, image, cutoff = 0 }, i) => {
+    const shape = /** @type {Shape} */ (shapes[i]);
+    return { shape, matrix, color, image: image && shape.uvs ? images.indexOf(image) : -1, cutoff };
+  });
+  drawn.sort((a, b) => b.image - a.image);
+  const found = joined(drawn, background);
+  if (!found) return null;
+  const { packet, places } = found;
+  if (lamps) packet.lamps = lamps;
+  return { packet, view: camera?.(packet.low, packet.high) ?? frame(places), isWhole, images };
+}
+
+/** Returns whether all indices are below a limit. @param {Uint32Array} indices @param {number} limit */
+export function isBelow(indices, limit) {
+  for (const index of indices) if (index >= limit) return false;
+  return true;
+}

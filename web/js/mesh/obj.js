@@ -1,0 +1,298 @@
+/** Reads OBJ files with their materials for a preview. Polygons are cut into fans. Source: Alias/Wavefront, Advanced Visualizer Manual, appendix B1. */
+
+import { Scanner, growingFloats, growingIntegers } from "./text.js";
+import { GREY, WHITE, coded, modelOf } from "./model.js";
+
+/** @typedef {import("./shapes.js").Picture} Picture */
+/** @typedef {import("./shapes.js").Shape} Shape */
+/** @typedef {{color: number[], image: Picture | null, isWhole: boolean}} Material isWhole: whether the service would show the same */
+
+/**
+ * Access to the files beside an OBJ file.
+ *
+ * @typedef {object} Beside
+ * @property {string[]} names of all files in the OBJ file's folder
+ * @property {(reference: string) => Promise<Uint8Array<ArrayBuffer> | null>} read
+ * @property {(reference: string) => Promise<Picture | null>} picture
+ */
+
+/**
+ * What a file states.
+ *
+ * @typedef {object} Statements
+ * @property {Float32Array} positions three a vertex
+ * @property {Float32Array | null} painted three a vertex, in the file's range
+ * @property {Float32Array} uvs
+ * @property {Float32Array} normals
+ * @property {Int32Array} corners three a corner: position, UV, normal, from 0; -1: none. Three corners a triangle
+ * @property {[number, string][]} materials first triangle of each stretch, and its material
+ * @property {[number, string][]} smoothing first triangle of each stretch, and its smoothing group
+ * @property {string[]} libraries
+ */
+
+/**
+ * @param {Uint8Array<ArrayBuffer>} file
+ * @param {Beside} beside
+ * @param {number} [most] triangles, about
+ * @returns {Promise<import("./shapes.js").LocalMesh | null>} null if the file is damaged
+ */
+export async function readObj(file, beside, most) {
+  const said = statementsOf(file);
+  if (!said) return null;
+  const materials = await materialsOf(said.libraries, beside);
+  const lone = !said.libraries.length && said.uvs.length ? await loneImage(beside) : null;
+  const count = said.corners.length / 9;
+  const groups = groupsOf(said.smoothing, count);
+  const isFlat = groups !== null && !groups.some(Boolean) && !said.normals.length;
+  let isWhole = true;
+  const parts = stretches(said.materials, count).flatMap(([name, ranges]) => {
+    const material = materials.get(name) ?? materials.get(withoutComment(name)) ?? { color: lone || said.painted ? WHITE : GREY, image: lone, isWhole: true };
+    isWhole &&= material.isWhole;
+    return shapesOf(said, ranges, groups).map((shape) => ({ shape: isFlat ? { ...shape, normals: new Float32Array(shape.positions.length) } : shape, ...material }));
+  });
+  return modelOf(parts, "y", isWhole, most);
+}
+
+const [TAB, SPACE, HASH, SLASH] = [9, 32, 35, 47];
+const [F, G, M, N, S, T, U, V] = [102, 103, 109, 110, 115, 116, 117, 118];
+
+/** @param {Uint8Array<ArrayBuffer>} file @returns {Statements | null} null if a face is malformed */
+export function statementsOf(file) {
+  const text = new Scanner(file);
+  const [positions, painted, uvs, normals, corners] = [growingFloats(), growingFloats(), growingFloats(), growingFloats(), growingIntegers()];
+  /** @type {Statements} */
+  const said = { positions: positions.whole, painted: null, uvs: uvs.whole, normals: normals.whole, corners: corners.whole, materials: [], smoothing: [], libraries: [] };
+  const face = new Int32Array(9); // the first, the last and the next corner
+  /** @param {import("./text.js").Growing<any>} table @param {number} width */
+  const row = (table, width) => {
+    for (let k = 0; k < width; k++) table.push(text.nextInLine() ? text.number() : k ? 0 : NaN);
+  };
+  const isBlank = (/** @type {number | undefined} */ code) => code === SPACE || code === TAB;
+  for (; !text.isOver; text.endLine()) {
+    if (!text.nextInLine()) continue;
+    const { at } = text;
+    const code = file[at];
+    if (code === V && isBlank(file[at + 1])) {
+      text.at = at + 1;
+      row(positions, 3);
+      if (!text.nextInLine() || file[text.at] === HASH) continue;
+      const first = text.number(); // a weight, or the first of three colour values
+      if (!text.nextInLine() || file[text.at] === HASH) continue;
+      while (painted.length < positions.length - 3) painted.push(NaN);
+      painted.push(first);
+      row(painted, 2);
+    } else if (code === V && file[at + 1] === T) {
+      text.at = at + 2;
+      row(uvs, 2);
+    } else if (code === V && file[at + 1] === N) {
+      text.at = at + 2;
+      row(normals, 3);
+    } else if (code === F && isBlank(file[at + 1])) {
+      text.at = at + 1;
+      const counts = [positions.length / 3, uvs.length / 2, normals.length / 3];
+      for (let count = 0; text.nextInLine() && file[text.at] !== HASH; count++) {
+        const to = count === 0 ? 0 : count === 1 ? 3 : 6;
+        face[to + 1] = face[to + 2] = -1;
+        for (let k = 0; k < 3; k++) {
+          if (k && file[text.at] !== SLASH) break;
+          if (k) text.at++;
+          const index = text.integer();
+          if (k && Number.isNaN(index)) continue; // v//vn
+          const number = index < 0 ? index + (counts[k] ?? 0) : index - 1;
+          if (!(number >= 0) && !k) return null;
+          face[to + k] = number;
+        }
+        if ((file[text.at] ?? SPACE) > SPACE) return null;
+        if (count < 2) continue;
+        for (let k = 0; k < 9; k++) corners.push(face[k] ?? 0);
+        face.copyWithin(3, 6);
+      }
+    } else if (code === U || code === M || code === S || code === G) {
+      const keyword = text.word();
+      const value = text.nextInLine() ? text.line() : "";
+      const triangle = corners.length / 9;
+      if (keyword === "usemtl") said.materials.push([triangle, value]);
+      else if (keyword === "mtllib") said.libraries.push(value);
+      else if (keyword === "s") said.smoothing.push([triangle, withoutComment(value).toLowerCase().split(/\s/)[0] ?? ""]);
+      text.at--; // the line's end
+    }
+  }
+  if (painted.length) while (painted.length < positions.length) painted.push(NaN);
+  return { ...said, positions: positions.whole, painted: painted.length ? painted.whole : null, uvs: uvs.whole, normals: normals.whole, corners: corners.whole };
+}
+
+/** @param {string} words */
+const withoutComment = (words) => (words.split(/(?:^|\s)#/)[0] ?? "").trim();
+
+/** @param {[number, string][]} smoothing @param {number} count of triangles @returns {Int32Array | null} each triangle's group, 0: flat; null: the file has no groups */
+function groupsOf(smoothing, count) {
+  if (!smoothing.length) return null;
+  const numbers = new Map([["", 0], ["0", 0], ["off", 0]]);
+  const found = new Int32Array(count);
+  smoothing.forEach(([first, name], i) => {
+    const number = numbers.get(name) ?? numbers.size;
+    numbers.set(name, number);
+    found.fill(number, first, smoothing[i + 1]?.[0] ?? count);
+  });
+  return found;
+}
+
+/** @param {[number, string][]} materials @param {number} count of triangles @returns {[string, [number, number][]][]} each material's ranges of triangles */
+function stretches(materials, count) {
+  /** @type {Map<string, [number, number][]>} */
+  const found = new Map();
+  [/** @type {[number, string]} */ ([0, ""]), ...materials].forEach(([first, name], i) => {
+    const last = materials[i]?.[0] ?? count;
+    if (first < last) found.set(name, [...(found.get(name) ?? []), [first, last]]);
+  });
+  return [...found];
+}
+
+/**
+ * Returns the triangles of ranges as at most two shapes: those with normals at all corners, and the others.
+ *
+ * @param {Statements} said
+ * @param {[number, number][]} ranges
+ * @param {Int32Array | null} groups
+ * @returns {Shape[]}
+ */
+function shapesOf({ positions, painted, uvs, normals, corners }, ranges, groups) {
+  const most = ranges.reduce((sum, [first, last]) => sum + last - first, 0);
+  const highest = painted ? highestOf(painted) : 1;
+  const scale = 255 / (highest > 255 ? 65535 : highest > 1 ? 255 : 1);
+  let slots = 1;
+  while (slots < 6 * most) slots *= 2;
+  const slotOf = new Int32Array(slots); // a hash table with open addressing: 1 + the vertex
+  const cornerOf = new Int32Array(3 * most); // of each vertex
+  /** @type {Shape[]} */
+  const found = [];
+  for (const hasNormals of [true, false]) {
+    const indices = new Uint32Array(3 * most);
+    const group = groups && new Int32Array(most);
+    let [vertices, length, hasUvs] = [0, 0, false];
+    slotOf.fill(0);
+    for (const [begin, end] of ranges)
+      for (let triangle = begin; triangle < end; triangle++) {
+        const at = 9 * triangle;
+        const isSmooth = (corners[at + 2] ?? 0) >= 0 && (corners[at + 5] ?? 0) >= 0 && (corners[at + 8] ?? 0) >= 0;
+        if (isSmooth !== hasNormals) continue;
+        if (group) group[length / 3] = groups[triangle] ?? 0;
+        for (let corner = at; corner < at + 9; corner += 3) {
+          const v = corners[corner] ?? 0;
+          const t = corners[corner + 1] ?? 0;
+          const n = hasNormals ? (corners[corner + 2] ?? 0) : 0;
+          if (t >= 0) hasUvs = true;
+          let slot = Math.imul(Math.imul(v, 73856093) ^ Math.imul(t, 19349663) ^ Math.imul(n, 83492791), 0x9e3779b1);
+          slot = (slot ^ (slot >>> 15)) & (slots - 1);
+          for (;;) {
+            const known = (slotOf[slot] ?? 0) - 1;
+            if (known < 0) {
+              cornerOf[vertices++] = corner;
+              slotOf[slot] = vertices;
+              indices[length++] = vertices - 1;
+              break;
+            }
+            const other = cornerOf[known] ?? 0;
+            if (corners[other] === v && corners[other + 1] === t && (!hasNormals || corners[other + 2] === n)) {
+              indices[length++] = known;
+              break;
+            }
+            slot = (slot + 1) & (slots - 1);
+          }
+        }
+      }
+    if (!length) continue;
+    /** @param {Float32Array} table @param {number} width @param {number} which of the corner's indices */
+    const rows = (table, width, which) => {
+      const values = new Float32Array(width * vertices);
+      for (let i = 0; i < vertices; i++) {
+        const from = width * (corners[(cornerOf[i] ?? 0) + which] ?? -1);
+        if (from >= table.length) throw new RangeError("a face names a vertex that is not there");
+        if (from >= 0) for (let k = 0; k < width; k++) values[width * i + k] = table[from + k] ?? 0;
+      }
+      return values;
+    };
+    const texels = hasUvs ? rows(uvs, 2, 1) : null;
+    if (texels) for (let i = 1; i < texels.length; i += 2) texels[i] = 1 - (texels[i] ?? 0); // OBJ measures v from the image's lower edge
+    found.push({
+      ...{ positions: rows(positions, 3, 0), normals: hasNormals ? rows(normals, 3, 2) : null, uvs: texels },
+      colors: painted && Uint8Array.from(rows(painted, 3, 0), (value) => (Number.isNaN(value) ? 255 : Math.round(Math.min(Math.max(value * scale, 0), 255)))),
+      ...{ groups: group && group.slice(0, length / 3), indices: indices.slice(0, length) },
+    });
+  }
+  return found;
+}
+
+/** @param {Float32Array} values some NaN */
+const highestOf = (values) => values.reduce((highest, value) => (value > highest ? value : highest), 0);
+
+/** @param {string[]} libraries @param {Beside} beside @returns {Promise<Map<string, Material>>} */
+async function materialsOf(libraries, beside) {
+  /** @type {Map<string, Material>} */
+  const found = new Map();
+  for (const library of libraries) {
+    const words = withoutComment(library);
+    const whole = (await beside.read(library)) ?? (await beside.read(words));
+    const files = whole ? [whole] : await Promise.all(words.split(/\s+/).map(beside.read));
+    for (const file of files) if (file) for (const [name, material] of await readMtl(file, beside)) found.set(name, material);
+  }
+  return found;
+}
+
+/** Statements that give another colour or picture than this preview has. */
+const FURTHER = ["decal", "map_ke", "map_emissive", "map_d", "map_opacity"];
+/** Illumination models of glass and mirrors. */
+const CLEAR = ["3", "4", "5", "6", "7", "9"];
+const MAP_OPTIONS = /^(?:-(?:mm|o|s|t)(?:\s+[-+.\de]+){1,3}|-\w+\s+\S+)\s+/i;
+
+/** @param {Uint8Array<ArrayBuffer>} file @param {Beside} beside @returns {Promise<Map<string, Material>>} */
+async function readMtl(file, beside) {
+  /** @type {Map<string, Record<string, string>>} */
+  const statements = new Map();
+  /** @type {Record<string, string> | undefined} */
+  let current;
+  for (const line of new TextDecoder().decode(file).split(/\r\n|\r|\n/)) {
+    const [, keyword = "", value = ""] = /^\s*(\S+)\s*(.*?)\s*$/.exec(line) ?? [];
+    if (keyword.toLowerCase() === "newmtl") statements.set(value, (current = statements.get(value) ?? {}));
+    else if (current && !keyword.startsWith("#")) current[keyword.toLowerCase()] = value;
+  }
+  /** @type {Map<string, Material>} */
+  const found = new Map();
+  /** @type {Map<string, Promise<Picture | null>>} */
+  const pictures = new Map(); // one object each, since parts with the same one are drawn together
+  const picture = (/** @type {string} */ name) => {
+    if (!pictures.has(name)) pictures.set(name, beside.picture(name));
+    return /** @type {Promise<Picture | null>} */ (pictures.get(name));
+  };
+  for (const [name, values] of statements) {
+    const map = values["map_kd"];
+    const image = map ? ((await picture(map)) ?? (await picture(withoutOptions(map)))) : null;
+    const base = numbersOf(values["kd"]) ?? [0.8, 0.8, 0.8];
+    const glow = numbersOf(values["ke"]) ?? [0, 0, 0];
+    const isLight = Math.max(...glow) > 0;
+    const color = isLight ? [...coded(glow), 0] : image && (Math.max(...base) === 0 || !values["kd"]) ? WHITE : [...coded(base), 255];
+    const isWhole = !FURTHER.some((keyword) => values[keyword]) && !CLEAR.includes(values["illum"] ?? "") && (!map || image !== null) && !MAP_OPTIONS.test(map ?? "");
+    found.set(withoutComment(name), { color, image: isLight ? null : image, isWhole });
+  }
+  return found;
+}
+
+/** @param {string} map */
+function withoutOptions(map) {
+  let rest = map;
+  while (MAP_OPTIONS.test(rest)) rest = rest.replace(MAP_OPTIONS, "");
+  return withoutComment(rest);
+}
+
+/** @param {string | undefined} words @returns {number[] | null} three, the first one thrice if it is alone */
+function numbersOf(words) {
+  const values = withoutComment(words ?? "").replaceAll(",", ".").split(/\s+/).map(Number);
+  if (!words || values.some((value) => !Number.isFinite(value))) return null;
+  return values.length >= 3 ? values.slice(0, 3) : [values[0] ?? 0, values[0] ?? 0, values[0] ?? 0];
+}
+
+/** Returns the only image beside a file that names no materials, as the service takes it. @param {Beside} beside */
+async function loneImage({ names, picture }) {
+  const images = names.filter((name) => /\.(jpe?g|png|webp|gif|bmp|tga|tiff?)$/i.test(name));
+  return images.length === 1 ? picture(images[0] ?? "") : null;
+}

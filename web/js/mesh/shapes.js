@@ -1,0 +1,271 @@
+/**
+ * Triangles in the making, between a reader of files and the preview mesh: decimating, joining in world space, and the camera that
+ * frames them. renderer/scene/preview.py and default_camera.py do the same for the service's preview.
+ */
+
+import { cofactors } from "./matrix.js";
+
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
+/** @typedef {import("../base/types.js").View} View */
+/** @typedef {import("../news/mesh-packet.js").Lamp} Lamp */
+/** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
+/**
+ * What a reader returns.
+ *
+ * @typedef {object} LocalMesh
+ * @property {MeshPacket} packet
+ * @property {View} view
+ * @property {boolean} isWhole false: parts are missing, not posed, or coloured differently by the service
+ * @property {Picture[]} images as numbered by the packet's parts
+ */
+/** An image file. @typedef {{bytes: Uint8Array<ArrayBuffer>, type: string}} Picture */
+/**
+ * Triangles in their own space.
+ *
+ * @typedef {object} Shape
+ * @property {Float32Array} positions three a vertex
+ * @property {Float32Array | null} normals three a vertex; null: to be computed
+ * @property {Float32Array | null} uvs two a vertex
+ * @property {Uint32Array} indices three a triangle
+ * @property {Uint8Array | null} [colors] three a vertex, sRGB
+ * @property {Int32Array | null} [groups] smoothing group of each triangle; 0: flat
+ */
+/**
+ * A shape in the scene.
+ *
+ * @typedef {object} Drawn
+ * @property {Shape} shape
+ * @property {number[]} matrix to world space, column by column
+ * @property {number[]} color sRGB, and 255 or 0, unshaded
+ * @property {number} image number of its texture; -1: none
+ * @property {number} cutoff alpha below which nothing is seen
+ */
+
+export const MOST_TRIANGLES = 150_000;
+const FEWEST = 24; // triangles of a decimated shape
+const EXCESS = 1.5; // at which a shape is decimated again
+const STEPS = 65535;
+
+/** The service's automatic camera (renderer/scene/default_camera.py). */
+const FOV = 35;
+const MARGIN = 1.06;
+const ASPECT = 4 / 3;
+const SAMPLED = 50_000; // vertices
+
+/** Returns a shape with about a share of its triangles. @param {Shape} shape @param {number} share @returns {Shape} */
+export function decimated(shape, share) {
+  const target = Math.max(share * (shape.indices.length / 3), FEWEST);
+  let found = shape;
+  const count = () => found.indices.length / 3;
+  // A flat grid of cells gives two triangles a cell, a closed surface several times as many.
+  for (let cells = Math.sqrt(target / 2); count() > EXCESS * target && cells >= 2; cells *= 0.9 * Math.sqrt(target / count()))
+    found = clustered(shape, cells);
+  return found;
+}
+
+/**
+ * Decimates: replaces all vertices in a cell of a grid by one of them (Rossignac and Borrel 1993), as renderer/scene/preview.py does.
+ *
+ * @param {Shape} shape
+ * @param {number} cells along the longest side
+ * @returns {Shape}
+ */
+function clustered({ positions, normals, uvs, indices, colors, groups }, cells) {
+  const { low, high } = boundsOf(positions);
+  const size = Math.max(...high.map((value, i) => value - (low[i] ?? 0)), 1e-30) / cells;
+  const side = Math.floor(cells) + 2;
+  const [x0, y0, z0] = low;
+  const vertices = positions.length / 3;
+  let slots = 1; // of a hash table with open addressing: cells, and the number of each cell's vertex among the kept
+  while (slots < 2 * vertices) slots *= 2;
+  const cellAt = new Float64Array(slots).fill(-1);
+  const keptAt = new Uint32Array(slots);
+  const keptOf = new Uint32Array(vertices);
+  const kept = new Uint32Array(vertices);
+  let count = 0;
+  for (let i = 0; i < vertices; i++) {
+    const x = Math.floor(((positions[3 * i] ?? 0) - x0) / size);
+    const y = Math.floor(((positions[3 * i + 1] ?? 0) - y0) / size);
+    const z = Math.floor(((positions[3 * i + 2] ?? 0) - z0) / size);
+    const cell = (x * side + y) * side + z;
+    let slot = (Math.imul(x, 73856093) ^ Math.imul(y, 19349663) ^ Math.imul(z, 83492791)) & (slots - 1);
+    while (cellAt[slot] !== -1 && cellAt[slot] !== cell) slot = (slot + 1) & (slots - 1);
+    if (cellAt[slot] === -1) {
+      cellAt[slot] = cell;
+      keptAt[slot] = count;
+      kept[count++] = i;
+    }
+    keptOf[i] = keptAt[slot] ?? 0;
+  }
+  const corners = new Uint32Array(indices.length);
+  const groupOf = groups && new Int32Array(groups.length);
+  let length = 0;
+  for (let i = 0; i < indices.length; i += 3) {
+    const a = keptOf[indices[i] ?? 0] ?? 0;
+    const b = keptOf[indices[i + 1] ?? 0] ?? 0;
+    const c = keptOf[indices[i + 2] ?? 0] ?? 0;
+    if (a === b || b === c || c === a) continue;
+    if (groups && groupOf) groupOf[length / 3] = groups[i / 3] ?? 0;
+    corners[length++] = a;
+    corners[length++] = b;
+    corners[length++] = c;
+  }
+  /** @template {Float32Array | Uint8Array} A @param {A} source @param {number} width @param {A} found */
+  const picked = (source, width, found) => {
+    for (let i = 0; i < count; i++) {
+      const at = width * (kept[i] ?? 0);
+      for (let k = 0; k < width; k++) found[width * i + k] = source[at + k] ?? 0;
+    }
+    return found;
+  };
+  const floats = (/** @type {Float32Array} */ source, /** @type {number} */ width) => picked(source, width, new Float32Array(width * count));
+  return {
+    ...{ positions: floats(positions, 3), normals: normals && floats(normals, 3), uvs: uvs && floats(uvs, 2) },
+    ...{ colors: colors && picked(colors, 3, new Uint8Array(3 * count)), groups: groupOf && groupOf.slice(0, length / 3) },
+    indices: corners.slice(0, length),
+  };
+}
+
+/** @param {Float32Array | Float64Array} positions @returns {{low: Vec3, high: Vec3}} */
+export function boundsOf(positions) {
+  /** @type {Vec3} */
+  const low = [Infinity, Infinity, Infinity];
+  /** @type {Vec3} */
+  const high = [-Infinity, -Infinity, -Infinity];
+  for (const axis of /** @type {const} */ ([0, 1, 2]))
+    for (let i = axis; i < positions.length; i += 3) {
+      const value = positions[i] ?? 0;
+      if (value < low[axis]) low[axis] = value;
+      if (value > high[axis]) high[axis] = value;
+    }
+  return { low, high };
+}
+
+/** sRGB's transfer function. @param {number} value */
+export const encoded = (value) => (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);
+
+/**
+ * Joins shapes in world space.
+ *
+ * @param {Drawn[]} drawn those with the same image together
+ * @param {Vec3 | null} background of the world, as in MeshPacket
+ * @returns {{packet: MeshPacket, places: Float64Array} | null} places: of the vertices. null if any is not finite
+ */
+export function joined(drawn, background) {
+  const vertices = drawn.reduce((sum, { shape }) => sum + shape.positions.length / 3, 0);
+  const corners = drawn.reduce((sum, { shape }) => sum + shape.indices.length, 0);
+  const places = new Float64Array(3 * vertices);
+  const normals = new Int8Array(4 * vertices);
+  const colors = new Uint8Array(4 * vertices);
+  const indices = new Uint32Array(corners);
+  const uvs = drawn.some(({ image }) => image >= 0) ? new Float32Array(2 * vertices) : undefined;
+  /** @type {import("../news/mesh-packet.js").MeshPart[]} */
+  const parts = [];
+  let [vertex, corner] = [0, 0];
+  for (const { shape, matrix, color, image: texture, cutoff } of drawn) {
+    const [a = 0, b = 0, c = 0, , d = 0, e = 0, f = 0, , g = 0, h = 0, i = 0, , tx = 0, ty = 0, tz = 0] = matrix;
+    const [n0 = 0, n1 = 0, n2 = 0, n3 = 0, n4 = 0, n5 = 0, n6 = 0, n7 = 0, n8 = 0] = cofactors(matrix);
+    const first = vertex;
+    const { positions, normals: own, colors: painted } = shape;
+    for (let k = 0; k < positions.length; k += 3, vertex++) {
+      const x = positions[k] ?? 0;
+      const y = positions[k + 1] ?? 0;
+      const z = positions[k + 2] ?? 0;
+      places[3 * vertex] = a * x + d * y + g * z + tx;
+      places[3 * vertex + 1] = b * x + e * y + h * z + ty;
+      places[3 * vertex + 2] = c * x + f * y + i * z + tz;
+      if (own) {
+        const u = own[k] ?? 0;
+        const v = own[k + 1] ?? 0;
+        const w = own[k + 2] ?? 0;
+        const nx = n0 * u + n3 * v + n6 * w;
+        const ny = n1 * u + n4 * v + n7 * w;
+        const nz = n2 * u + n5 * v + n8 * w;
+        const size = 127 / (Math.sqrt(nx * nx + ny * ny + nz * nz) || 1);
+        normals[4 * vertex] = Math.round(nx * size);
+        normals[4 * vertex + 1] = Math.round(ny * size);
+        normals[4 * vertex + 2] = Math.round(nz * size);
+      }
+      colors.set(color, 4 * vertex);
+      if (painted) for (let axis = 0; axis < 3; axis++) colors[4 * vertex + axis] = product(painted[k + axis] ?? 0, color[axis] ?? 0);
+    }
+    if (texture >= 0 && shape.uvs) uvs?.set(shape.uvs, 2 * first);
+    const last = parts.at(-1);
+    if (last?.texture === texture && last.cutoff === cutoff) last.count += shape.indices.length;
+    else parts.push({ texture, cutoff, first: corner, count: shape.indices.length });
+    for (const index of shape.indices) indices[corner++] = first + index;
+  }
+  const { low, high } = boundsOf(places);
+  if (![...low, ...high].every(Number.isFinite) || places.some(Number.isNaN)) return null;
+  const positions = new Uint16Array(4 * vertices);
+  const scale = low.map((value, axis) => STEPS / ((high[axis] ?? 0) - value || 1));
+  for (let k = 0; k < vertices; k++)
+    for (let axis = 0; axis < 3; axis++) positions[4 * k + axis] = Math.round(((places[3 * k + axis] ?? 0) - (low[axis] ?? 0)) * (scale[axis] ?? 0));
+  const packet = { vertices, triangles: corners / 3, low, high, background, positions, normals, colors, indices, ...(uvs && { uvs, parts }) };
+  return { packet, places };
+}
+
+/** Linear values of sRGB's 256. */
+const LINEAR = Float64Array.from({ length: 256 }, (_, code) => (code <= 0.04045 * 255 ? code / 255 / 12.92 : ((code / 255 + 0.055) / 1.055) ** 2.4));
+
+/** Returns the product of two colour values, from 0 to 255, sRGB. @param {number} a @param {number} b */
+const product = (a, b) => (a === 255 ? b : b === 255 ? a : Math.round(255 * encoded((LINEAR[a] ?? 0) * (LINEAR[b] ?? 0))));
+
+/** Returns the view that the service's automatic camera has. @param {Float64Array} places @returns {View} */
+export function frame(places) {
+  const length = Math.hypot(1, 0.62, 0.42);
+  /** @type {Vec3} */
+  const back = [0.62 / length, 0.42 / length, 1 / length];
+  const flat = Math.hypot(back[0], back[2]);
+  /** @type {Vec3} */
+  const right = [back[2] / flat, 0, -back[0] / flat];
+  /** @type {Vec3} */
+  const above = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
+  const tall = Math.tan((FOV * Math.PI) / 360) / MARGIN;
+  const slopes = [tall * ASPECT, tall];
+  // For each axis the points determine the two planes of the frustum, and the eye is on their intersection.
+  const highest = [-Infinity, -Infinity];
+  const lowest = [-Infinity, -Infinity];
+  let [nearest, farthest] = [-Infinity, Infinity];
+  const step = 3 * (Math.floor(places.length / 3 / SAMPLED) + 1);
+  for (let k = 0; k < places.length; k += step) {
+    const x = places[k] ?? 0;
+    const y = places[k + 1] ?? 0;
+    const z = places[k + 2] ?? 0;
+    const depth = x * back[0] + y * back[1] + z * back[2];
+    nearest = Math.max(nearest, depth);
+    farthest = Math.min(farthest, depth);
+    for (const i of /** @type {const} */ ([0, 1])) {
+      const axis = i ? above : right;
+      const across = x * axis[0] + y * axis[1] + z * axis[2];
+      const sloped = (slopes[i] ?? 0) * depth;
+      highest[i] = Math.max(highest[i] ?? -Infinity, across + sloped);
+      lowest[i] = Math.max(lowest[i] ?? -Infinity, sloped - across);
+    }
+  }
+  const at = [0, 1].map((i) => ((highest[i] ?? 0) - (lowest[i] ?? 0)) / 2);
+  const { low, high } = boundsOf(places);
+  const size = Math.max(...high.map((value, i) => value - (low[i] ?? 0)), 1e-6);
+  const reach = [0, 1].map((i) => ((highest[i] ?? 0) + (lowest[i] ?? 0)) / (2 * (slopes[i] ?? 1)));
+  const away = Math.max(...reach, nearest + 0.05 * size);
+  const point = (/** @type {number} */ depth) => /** @type {Vec3} */ ([0, 1, 2].map((i) => (at[0] ?? 0) * (right[i] ?? 0) + (at[1] ?? 0) * (above[i] ?? 0) + depth * (back[i] ?? 0)));
+  return { eye: point(away), target: point((nearest + farthest) / 2), up: [0, 1, 0], fov: FOV };
+}
+
+/**
+ * Returns the view of a file's camera, whose target is as far as the middle of the scene, as the view turns about it.
+ *
+ * @param {Vec3} eye
+ * @param {Vec3} back from the scene to the camera
+ * @param {Vec3} up
+ * @param {number} fov vertical, in degrees
+ * @param {Vec3} low lower corner of the scene
+ * @param {Vec3} high
+ * @returns {View}
+ */
+export function orbitView(eye, back, up, fov, low, high) {
+  const size = Math.hypot(...back) || 1;
+  const middle = eye.reduce((sum, value, i) => sum + ((value - ((low[i] ?? 0) + (high[i] ?? 0)) / 2) * (back[i] ?? 0)) / size, 0);
+  const away = middle > 0 ? middle : 1;
+  return { eye, target: /** @type {Vec3} */ (eye.map((value, i) => value - (away * (back[i] ?? 0)) / size)), up, fov };
+}
