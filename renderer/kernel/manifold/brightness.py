@@ -13,6 +13,7 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
+from renderer.kernel.polynomial import floor
 
 __all__ = ["BUCKETS", "LEVELS", "REFINEMENT", "bucket_of", "choose_caster", "sampling_rates"]
 
@@ -34,7 +35,7 @@ _LEAST_RATE = np.float32(0.06)
 @device
 def bucket_of(p, caster, level, scale):
     """Returns the bucket of a point p and a caster. level: from 0, the finest. scale: its cubes per unit length."""
-    x, y, z = np.int64(math.floor(p[0] * scale)), np.int64(math.floor(p[1] * scale)), np.int64(math.floor(p[2] * scale))
+    x, y, z = floor(p[0] * scale), floor(p[1] * scale), floor(p[2] * scale)
     key = ((x * _X) ^ (y * _Y) ^ (z * _Z)) + (np.int64(caster) * LEVELS + level) * _KEY
     return (key ^ (key >> _SHIFT)) & _MASK
 

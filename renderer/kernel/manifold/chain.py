@@ -14,11 +14,13 @@ import numpy as np
 from renderer.arrays.rows import DIFFUSE, MEDIUM
 from renderer.jit import device
 from renderer.kernel.manifold.caster import caster_of, caster_point
+from renderer.wide.values import lookup, u32
 
 __all__ = ["BEGUN", "NO_CHAIN", "begin_chain", "continue_chain", "is_joined", "is_sampled_elsewhere"]
 
 NO_CHAIN, BEGUN, _WHOLE, _ENTERED = (np.int32(n) for n in (0, 1, 2, 3))  # from _ENTERED on: + the number of a closed caster
 _DIFFUSE, _MEDIUM = np.int32(DIFFUSE), np.int32(MEDIUM)
+_WHOLE_BITS, _UNCOVERED = np.uint32(_WHOLE), np.uint32(0)
 _LEAST_ROUGHNESS = np.float32(0.3)
 
 
@@ -58,5 +60,8 @@ def continue_chain(scene, chain, hit, o, d, bounce):
 
 @device
 def is_sampled_elsewhere(scene, chain, light):
-    """Returns True if manifold sampling has already sampled the emission that a path hits. light: index of the light."""
-    return chain == _WHOLE and scene.caustics.is_covered[light] != 0
+    """Returns True if manifold sampling has already sampled the emission that a path hits; for one path or for eight lanes.
+
+    light: index of the light.
+    """
+    return (u32(chain) == _WHOLE_BITS) & (u32(lookup(scene.caustics.is_covered, light)) != _UNCOVERED)

@@ -22,7 +22,7 @@ from renderer.kernel.manifold.photons import ALL, FLUX, PHOTON_COLUMNS, PLACE, R
 from renderer.render import render_frame
 from renderer.scene.caustics import caustic_tables, with_caustics
 from renderer.scene.description import Light, Material, Mesh, Sphere
-from renderer.settings import RenderSettings
+from renderer.settings import RenderSettings, Tile
 from tests.renderer.builders import box, emitter, gray, icosphere, scene, settings, square
 
 GLASS = Material(kind="glass", base_color=gray(1.0), ior=1.33)
@@ -166,6 +166,20 @@ def test_a_frame_does_not_depend_on_its_batches() -> None:
 
 
 @pytest.mark.long
+def test_a_replay_has_the_light_of_the_film() -> None:
+    compiled = HALLS["two"]()
+    asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), fov=50.0, size=24, caustics="on")
+    for sample in (0, 5):
+        film = rendering.render_batch(compiled, asked, Tile(0, 0, 24, 24), sample, 1).sums
+        for x, y in np.ndindex(24, 24):
+            found = rendering.replay(compiled, asked, x, y, sample)
+            assert found.value is not None
+            assert [int(v * 2.0**asked.film_exponent) for v in found.value] == film[COLOR, y, x].tolist()
+            total = np.sum([np.sum([v.emitted, v.direct, v.beside], axis=0) for v in found.vertices], axis=0)
+            np.testing.assert_allclose(total, found.value, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.long
 def test_trial_limit_reduces_improbable_solutions(monkeypatch: pytest.MonkeyPatch) -> None:
     compiled = HALLS["mesh"]()  # only a part of the walks towards a ball finds a way through it
     asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), fov=50.0, size=16, caustics="on")
@@ -237,6 +251,13 @@ def test_tables_list_casters_and_small_lamps_only() -> None:
     assert water is not None and water.caster[0, 2:].tolist() == [0, 1]
     large = scene([MATT, GLASS, emitter(3.0)], (FLOOR,), (Sphere((0, 0, 0), 0.5, 1), Sphere((0, 4, 0), 1.0, 2)))
     assert caustic_tables(large) is None
+
+
+def test_settings_ask_for_caustics_only_where_there_are_some() -> None:
+    asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), caustics="on")
+    assert rendering.settings_as_rendered(asked, HALLS["two"]()) == asked
+    bare = scene([MATT, emitter(3.0)], (FLOOR,), (Sphere((1.0, 2, 0), 0.3, 1),))
+    assert rendering.settings_as_rendered(asked, bare) == replace(asked, caustics="off")
 
 
 def test_caustic_tables_depend_on_every_scene_array() -> None:
