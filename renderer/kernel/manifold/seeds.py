@@ -25,8 +25,8 @@ _JITTER = np.float32(0.25)  # greatest tangent of the angle between a seed and t
 def seed_direction(scene, caster, p, line, is_aimed, u):
     """Returns a random unit direction from p towards a caster. u: three random numbers in [0, 1).
 
-    line: unit direction to the lamp. is_aimed: whether a ray in that direction hits the caster first; half of the directions are
-    then near it.
+    line: unit direction to the lamp, or to a place from which light of the wanted chain is known to come. is_aimed: whether a ray
+    in that direction hits the caster first; half of the directions are then near it.
     """
     choice = u[2]
     if is_aimed:

@@ -16,7 +16,7 @@ import renderer.render as rendering
 from renderer.arrays.scene import CompiledScene
 from renderer.bvh.traverse import new_stack
 from renderer.film import COLOR, SAMPLES, Sums, digest
-from renderer.guiding.caustic_photons import brightness_of
+from renderer.guiding.caustic_photons import brightness_of, greatest_irradiance
 from renderer.kernel.manifold.brightness import BUCKETS, LEVELS, REFINEMENT
 from renderer.kernel.manifold.photons import ALL, FLUX, PHOTON_COLUMNS, PLACE, REFLECTS, follow_caustic_photons
 from renderer.render import render_frame
@@ -75,6 +75,22 @@ def test_light_through_flat_interfaces_matches_closed_form(made: Callable[[], Co
 
 
 @pytest.mark.long
+def test_light_reflected_within_a_pane_matches_closed_form() -> None:
+    """Light is reflected twice or four times within a pane of index 3. A nearly black floor sends none back to it."""
+    reflectance, thickness = 0.25, 1.0
+    lamp = Light("point", intensity=gray(2500.0), position=(0.0, 2.0, 0.0))
+    compiled = scene([Material(base_color=gray(0.002)), replace(GLASS, ior=3.0)], (FLOOR, PANE), lights=(lamp,))
+    distances = [2 + thickness * (1 + more) / 3.0 for more in (0, 2, 4)]
+    parts = [reflectance ** (2 * k) / distance**2 for k, distance in enumerate(distances)]
+    expected = 0.002 / np.pi * 2500 * (1 - reflectance) ** 2 * sum(parts)
+    asked = settings((0.8, -0.5, 0.0), (0.0, -1.0, 0.0), fov=0.1, size=4, max_depth=12, caustics="on")
+    found = pixels(compiled, asked, 512).reshape(-1)
+    assert_mean(found, expected)
+    error = found.std(ddof=1) / np.sqrt(found.size)
+    assert error < 0.1 * expected * parts[1] / sum(parts)  # so that a test without these parts would fail
+
+
+@pytest.mark.long
 def test_mirror_caustic_matches_the_image_of_the_lamp() -> None:
     mirror = square((1, 0, 0), (0, 2, 0), (0, 0, 2), 1)
     compiled = scene([MATT, MIRROR], (FLOOR, mirror), lights=(POINT,))
@@ -108,12 +124,23 @@ def smooth_ball() -> Mesh:
     return replace(ball, normals=unit.astype(np.float32))
 
 
+def hollow_ball() -> Mesh:
+    outer = smooth_ball()
+    unit, faces = outer.normals, outer.triangles
+    assert unit is not None
+    positions = np.concatenate([0.6 * unit, 0.5 * unit]).astype(np.float32)
+    inner = faces[:, ::-1] + len(unit)
+    return replace(outer, positions=positions, normals=np.concatenate([unit, -unit]), triangles=np.concatenate([faces, inner]))
+
+
 HALLS = {
     "sphere": lambda: hall(spheres=(Sphere((-0.3, -0.3, 0), 0.6, 1),)),
     "mesh": lambda: hall(smooth_ball(), spheres=()),
     "mirror": lambda: hall(spheres=(Sphere((-0.3, -0.3, 0), 0.6, 2),)),
     "two": lambda: hall(smooth_ball(), spheres=(Sphere((-1.4, -0.5, 0.3), 0.4, 2), Sphere((1.2, -0.5, 0.5), 0.4, 1))),
     "water": lambda: hall(rippled(), spheres=()),
+    "row": lambda: hall(spheres=(Sphere((-0.7, -0.5, 0), 0.45, 1), Sphere((0.1, 0.9, 0.1), 0.35, 1))),
+    "hollow": lambda: hall(hollow_ball(), spheres=()),
     "facets": lambda: hall(box(1, 0.5, (0, -0.2, 0)), spheres=()),
     "sun": lambda: hall(
         spheres=(Sphere((-0.3, -0.3, 0), 0.6, 1),),
@@ -220,7 +247,7 @@ def test_brightness_is_irradiance_relative_to_that_of_casters() -> None:
     photons[:, ALL], photons[:, FLUX] = 2, 1
     photons[:4, REFLECTS] = 1
     buckets = np.repeat(np.arange(LEVELS, dtype=np.int32)[:, None], 20, axis=1)
-    found = brightness_of(photons, buckets, 3.0, np.array([2.0]))
+    found = brightness_of(photons, buckets, 3.0, greatest_irradiance(photons, np.array([2.0])))
     side = 3.0 / REFINEMENT ** (LEVELS - 1)
     assert found.shape == (BUCKETS, 2)
     assert found[0] == pytest.approx([16 / side**2 / (10 / np.pi), 0])
