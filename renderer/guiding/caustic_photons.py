@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from renderer.arrays.scene import CompiledScene, flat
 from renderer.bvh.traverse import new_stack
-from renderer.kernel.manifold.brightness import BUCKETS, LEVELS, LONG_BUCKETS, LONG_KEY, LONG_LIGHT_COLUMNS, REFINEMENT
+from renderer.kernel.manifold.brightness import BUCKETS, LEVELS, LONG_BUCKETS, LONG_KEY, LONG_LIGHT_COLUMNS, REFINEMENT, SEEDS
 from renderer.kernel.manifold.photons import (
     ALL,
     CASTER,
@@ -88,12 +88,30 @@ def _with_brightness(scene: CompiledScene, count: int, long_count: int) -> Caust
     made = tables._replace(
         brightness=brightness_of(photons, buckets, size, unit),
         brightness_scale=np.array([scale], np.float32),
+        seed=seeds_of(buckets),
+        seed_place=np.ascontiguousarray(photons[:, INTERFACE : INTERFACE + 3]),
     )
     made = with_long_chains(made, long, _places(long, scale), size, unit * long_count / max(count, 1))
     made = with_long_share(made, photons, _places(photons, scale), size, unit)
     for array in made:
         array.flags.writeable = False
     return made
+
+
+def seeds_of(buckets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    """Returns (BUCKETS, SEEDS): photons of each bucket, evenly chosen from its list; -1 where too few have arrived.
+
+    buckets: (LEVELS, n) of the photons. A photon may be listed several times.
+    """
+    seeds = np.full((BUCKETS, SEEDS), -1, np.int32)
+    for level, bucket in enumerate(buckets):
+        order = np.argsort(bucket, kind="stable")
+        used, first, count = np.unique(bucket[order], return_index=True, return_counts=True)
+        least = 1 if level == LEVELS - 1 else _LEAST_PHOTONS
+        used, first, count = (each[count >= least] for each in (used, first, count))
+        chosen = first[:, None] + np.arange(SEEDS) * count[:, None] // SEEDS
+        seeds[used] = order[chosen] if len(order) else -1
+    return seeds
 
 
 def _places(photons: F32, scale: np.float32) -> npt.NDArray[np.int32]:
@@ -183,7 +201,8 @@ def with_long_share(
 def brightness_of(photons: F32, buckets: npt.NDArray[np.int32], size: float, unit: float) -> F32:
     """Returns (BUCKETS, 2): transmitted and reflected irradiance.
 
-    photons: (n, PHOTON_COLUMNS). buckets: (LEVELS, n) of them. size: of the coarsest cubes. unit: the irradiance that counts as 1.
+    photons: (n, PHOTON_COLUMNS). buckets: (LEVELS, n) of them. size: of the coarsest cubes. unit: the irradiance that counts
+    as 1.
     """
     kind = photons[:, REFLECTS].astype(np.int64)
     found = np.zeros(2 * BUCKETS)

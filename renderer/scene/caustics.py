@@ -58,6 +58,8 @@ class CausticTables(NamedTuple):
         np.float32
     ]  # (buckets,): relative irradiance of the buckets of renderer/kernel/manifold/brightness.py
     brightness_scale: npt.NDArray[np.float32]  # (1,): cubes per unit length of the grid's finest level
+    seed: npt.NDArray[np.int32]  # (buckets, SEEDS): photons of a bucket as rows of `seed_place`; -1 for none
+    seed_place: npt.NDArray[np.float32]  # (n, 3): where these have left their casters
     # Chains of more interfaces (renderer/kernel/manifold/walk.py) that are sampled by walks, likewise from photons.
     long_kind: npt.NDArray[np.int32]  # (K, 2): the first caster from the receiver, and the kind
     long_cdf: npt.NDArray[np.float32]  # (K + 1,): by flux; one number if there are none
@@ -97,9 +99,10 @@ def example_tables() -> CausticTables:
 
 def _read_only_tables(*arrays: object) -> CausticTables:
     """Returns tables without brightness and long chains."""
-    unknown = np.zeros((0, 2)), np.zeros(1), np.zeros((0, 2)), np.zeros(1), np.zeros((len(arrays[0]), CODES)), np.zeros((0, 6))  # type: ignore[arg-type]
+    casters = np.asarray(arrays[0]).reshape(-1, 4)
+    unknown = (*map(np.zeros, ((0, 2), 1, (0, 8), (0, 3), (0, 2), 1, (len(casters), CODES), (0, 6))),)
     kinds: list[Any] = [np.int32, np.float32, np.int32, np.int32, np.int32, np.float32, np.int32, np.float32, np.float32]
-    kinds += [np.int32, np.float32, np.int32, np.float32]
+    kinds += [np.int32, np.float32, np.int32, np.float32, np.int32, np.float32]
     made: list[Any] = [np.array(array, kind) for array, kind in zip((*arrays, *unknown), kinds, strict=True)]
     made[0] = made[0].reshape(-1, 4)
     for array in made:

@@ -3,6 +3,8 @@
 The grid has levels of cubes. A bucket holds the transmitted and the reflected irradiance in one cube by one caster, relative to
 that of the casters themselves; it is found by a hash of cube and caster. It is 0 where too few photons have arrived.
 
+Buckets also list a few photons, as starts for walks: from near a solution, Newton's method is likely to find it.
+
 Light of all long chains together has a grid of its own. Its buckets also hold which long chain is the strongest there, and a
 point where that leaves its caster, as a start for walks.
 """
@@ -27,16 +29,19 @@ __all__ = [
     "LONG_KEY",
     "LONG_LIGHT_COLUMNS",
     "REFINEMENT",
+    "SEEDS",
     "ChosenChain",
     "bucket_of",
     "choose_chain",
     "long_bucket",
     "sampling_rates",
+    "seed_bucket",
 ]
 
 LEVELS = 5
 REFINEMENT = 3.0  # ratio of the sizes of a level's cubes to those of the next finer one
 BUCKETS, LONG_BUCKETS = 1 << 18, 1 << 16
+SEEDS = 8  # photons listed in a bucket
 LONG_KEY = 64  # in place of a caster's number
 LONG_LIGHT_COLUMNS = 6  # of a bucket: irradiance, greatest sampling rate, number of the strongest chain, and a point
 _MASK, _LONG_MASK = BUCKETS - 1, LONG_BUCKETS - 1
@@ -107,6 +112,21 @@ def sampling_rates(scene, p, caster, importance, rivals):
     radius = row(tables.bound, caster, 4)[3]
     rivalry = rivals / (_PI * radius * radius * np.float32(len(tables.caster)))
     return _rate(transmitted, importance, rivalry), _rate(reflected, importance, rivalry)
+
+
+@device
+def seed_bucket(scene, p, caster):
+    """Returns the finest bucket at the point p that lists photons of this caster, or -1."""
+    tables = scene.caustics
+    if len(tables.seed) == 0:
+        return -1
+    scale = tables.brightness_scale[0]
+    for level in range(LEVELS):
+        bucket = bucket_of(p, caster, level, scale)
+        if tables.seed[bucket, 0] >= 0:
+            return bucket
+        scale = scale * _FINER
+    return -1
 
 
 @device

@@ -20,7 +20,7 @@ from renderer.bvh.traverse import SHADOW_REACH, any_hit, closest_hit
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.light.lights import FAR
-from renderer.kernel.manifold.brightness import choose_chain, sampling_rates
+from renderer.kernel.manifold.brightness import choose_chain, sampling_rates, seed_bucket
 from renderer.kernel.manifold.caster import caster_of
 from renderer.kernel.manifold.differentials import perpendicular_area, solid_angle_area
 from renderer.kernel.manifold.lamps import AREA, DISTANT, lamp_light, sample_lamp
@@ -29,7 +29,6 @@ from renderer.kernel.manifold.seeds import seed_direction
 from renderer.kernel.manifold.walk import (
     LAST_STEP2,
     LONG,
-    NO_CHAIN,
     REFLECTED,
     interface_count,
     last_out,
@@ -148,8 +147,9 @@ def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, last, 
     rates, rays = (_ONE, _ONE), 0
     if is_long:
         line = vec.normalize(vec.sub(chosen.seed, surface.point)) if chosen.is_seeded else vertex.frame[2]
-        is_aimed = chosen.is_seeded
+        is_aimed, bucket = chosen.is_seeded, -1
     else:
+        bucket = seed_bucket(scene, surface.point, caster)
         transmitted, reflected = sampling_rates(scene, surface.point, caster, importance, rivals)
         greater = max(transmitted, reflected)  # has been counted in the choice of the caster
         rates = transmitted / greater, reflected / greater
@@ -161,7 +161,7 @@ def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, last, 
     limit, kind = line, chosen.kind  # of the first walk
     for trial in range(options.caustic_trials + 1):
         u = draw_trial(stream, path.number, trial)
-        towards = seed_direction(scene, caster, surface.point, line, is_aimed, (u[0], u[1], u[2]))
+        towards = seed_direction(scene, caster, surface.point, line, is_aimed, bucket, (u[0], u[1], u[2]))
         walk = walk_to_lamp(scene, stack, surface, n, towards, caster, lamp.target, is_distant, kind, rates, LAST_STEP2, u[3])
         rays += walk.rays
         if trial == 0:

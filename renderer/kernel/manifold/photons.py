@@ -1,7 +1,7 @@
 """Photons that lamps send through casters: they show where caustics are.
 
-A photon crosses the interfaces of one caster, as the short chains of `estimate_caustic` do, up to the next other surface; or up to
-six interfaces of any casters, to find the long chains that are worth a walk. It need not be exact, since the estimator's mean
+A photon crosses the interfaces of one caster, as the short chains of `estimate_caustic` do, up to the next other surface; or up
+to six interfaces of any casters, to find the long chains that are worth a walk. It need not be exact, since the estimator's mean
 does not depend on it.
 """
 
@@ -45,13 +45,12 @@ __all__ = [
     "photon_buckets",
 ]
 
-# Columns of a photon: where it arrives; its caster; 1 if that reflects it, else 0; its flux; and its flux before it was divided
-# between reflection and transmission.
-PLACE, CASTER, REFLECTS, FLUX, ALL = 0, 3, 4, 5, 6
-PHOTON_COLUMNS = 7
-# Columns of a photon of a long chain: likewise where it arrives, the first caster from there and its flux; the kind of its chain;
-# and where it leaves that caster.
-KIND, INTERFACE, LONG_COLUMNS = 4, 6, 9
+# Columns of a photon: where it arrives; its caster; 1 if that reflects it, else 0; its flux; where it leaves the caster; and its
+# flux before it was divided between reflection and transmission.
+PLACE, CASTER, REFLECTS, FLUX, INTERFACE, ALL = 0, 3, 4, 5, 6, 9
+PHOTON_COLUMNS = 10
+# Columns of a photon of a long chain: the same, of the caster that it leaves last, and the kind of its chain.
+KIND, LONG_COLUMNS = 4, 9
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -193,8 +192,9 @@ def _record(scene, stack, count, photons):
         stream = Stream(INDEPENDENT, _SEED, pixel_key(0, 0), np.uint32(k))
         photon = follow_photon(scene, stack, draw4(stream, _LAMP), draw4(stream, _DIRECTION))
         if photon.found:
+            left = vec.sub(photon.place, vec.scale(photon.ray.d, photon.hit.t))
             for axis in range(3):
-                photons[found, PLACE + axis] = photon.place[axis]
+                photons[found, PLACE + axis], photons[found, INTERFACE + axis] = photon.place[axis], left[axis]
             photons[found, CASTER], photons[found, REFLECTS] = photon.caster, photon.kind == REFLECTED
             photons[found, FLUX], photons[found, ALL] = photon.flux, photon.all
             found += 1
@@ -203,7 +203,10 @@ def _record(scene, stack, count, photons):
 
 @subroutine
 def _record_long(scene, stack, count, photons):
-    """Follows photons through chains of interfaces, each reflected with a probability of 1/4 to 3/4 if it could be transmitted."""
+    """Follows photons through chains of interfaces; glass reflects each with a probability of 1/4 to 3/4.
+
+    count, photons: as for `follow_long_photons`.
+    """
     never_inline()
     found = 0
     casters = len(scene.caustics.caster)

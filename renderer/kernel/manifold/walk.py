@@ -1,8 +1,8 @@
 """Newton's method for the direction in which light from a lamp's point reaches a vertex through casters.
 
-A kind of chain is the sequence of its interfaces from the vertex to the lamp, as an integer: a 1, then a bit for each interface, 1
-for reflection. Short kinds have one interface, or two where light crosses a closed caster; all others are long, and marked by
-LONG.
+A kind of chain is the sequence of its interfaces from the vertex to the lamp, as an integer: a 1, then a bit for each interface,
+which is 1 for reflection. Short kinds have one interface, or two where light crosses a closed caster; all others are long, and
+marked by LONG.
 """
 
 from __future__ import annotations
@@ -149,8 +149,8 @@ def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted
     surface, n: of the vertex. caster: at the first interface; at all interfaces of a short kind. target: the lamp's point, or if
     `is_distant` the direction to it. wanted: a kind of chain, or NO_CHAIN for all short ones; rates: as for `_kind_of`.
     last_step2: the greatest squared change of the direction by one more step at a solution: LAST_STEP2, or infinite if d is known
-    to be a solution. u: a random number in [0, 1) for the kind of chain. The interfaces before the last obey the law of reflection
-    or refraction at each step; the walk solves for the last one.
+    to be a solution. u: a random number in [0, 1) for the kind of chain. The interfaces before the last one obey the laws of
+    reflection and refraction at each step; the walk solves for the last one.
     """
     never_inline()
     radius = row(scene.caustics.bound, caster, 4)[3]
