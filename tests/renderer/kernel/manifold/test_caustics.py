@@ -76,10 +76,14 @@ def test_light_through_flat_interfaces_matches_closed_form(made: Callable[[], Co
 
 @pytest.mark.long
 def test_light_reflected_within_a_pane_matches_closed_form() -> None:
-    """Light is reflected twice or four times within a pane of index 3. A nearly black floor sends none back to it."""
+    """Light is reflected twice or four times within a pane of index 3. A nearly black floor sends none back to it.
+
+    The pane is so wide that what its sides reflect does not matter.
+    """
     reflectance, thickness = 0.25, 1.0
+    pane = replace(PANE, positions=(PANE.positions * (20, 1, 20)).astype(np.float32))
     lamp = Light("point", intensity=gray(2500.0), position=(0.0, 2.0, 0.0))
-    compiled = scene([Material(base_color=gray(0.002)), replace(GLASS, ior=3.0)], (FLOOR, PANE), lights=(lamp,))
+    compiled = scene([Material(base_color=gray(0.002)), replace(GLASS, ior=3.0)], (FLOOR, pane), lights=(lamp,))
     distances = [2 + thickness * (1 + more) / 3.0 for more in (0, 2, 4)]
     parts = [reflectance ** (2 * k) / distance**2 for k, distance in enumerate(distances)]
     expected = 0.002 / np.pi * 2500 * (1 - reflectance) ** 2 * sum(parts)
@@ -87,7 +91,7 @@ def test_light_reflected_within_a_pane_matches_closed_form() -> None:
     found = pixels(compiled, asked, 512).reshape(-1)
     assert_mean(found, expected)
     error = found.std(ddof=1) / np.sqrt(found.size)
-    assert error < 0.1 * expected * parts[1] / sum(parts)  # so that a test without these parts would fail
+    assert error < expected * parts[1] / sum(parts) / 6  # so that a test without these parts would fail
 
 
 @pytest.mark.long
