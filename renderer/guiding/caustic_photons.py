@@ -33,7 +33,15 @@ from renderer.kernel.manifold.walk import CODES, LONG
 from renderer.scene.caustics import CausticTables
 from renderer.scene.lights import cumulative
 
-__all__ = ["PHOTONS", "brightness_of", "warm_up_photons", "with_photons"]
+__all__ = [
+    "PHOTONS",
+    "brightness_of",
+    "greatest_irradiance",
+    "seeds_of",
+    "warm_up_photons",
+    "with_long_chains",
+    "with_photons",
+]
 
 PHOTONS, LONG_PHOTONS = 1 << 16, 1 << 16
 _MOST_LONG = 64  # long kinds that are sampled by walks: those that bring most light
@@ -153,7 +161,7 @@ def with_long_chains(
     long_kind = np.stack([kinds[kept] // (2 * CODES), kinds[kept] % (2 * CODES)], 1).astype(np.int32)
     is_long = np.zeros_like(tables.is_long)
     is_long[long_kind[:, 0], long_kind[:, 1] - int(LONG)] = 1
-    chance = (1 - _UNIFORM) * flux[kept] / flux[kept].sum() + _UNIFORM / len(kept)
+    chance = (1 - _UNIFORM) * flux[kept] / np.cumsum(flux[kept])[-1] + _UNIFORM / len(kept)
     found = np.zeros((LONG_BUCKETS, LONG_LIGHT_COLUMNS), np.float32)
     brightest = np.argsort(-photons[:, FLUX], kind="stable")
     for level, bucket in enumerate(buckets):

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from renderer.arrays import rows
 from renderer.arrays.scene import CompiledScene
 from renderer.kernel.light.punctual import DIRECTIONAL, SUN, SUN_UNSEEN
+from renderer.kernel.manifold.brightness import LONG_LIGHT_COLUMNS, SEEDS
 from renderer.kernel.manifold.walk import CODES
 from renderer.luminance import REC_709
 from renderer.scene.lights import cumulative
@@ -99,8 +100,9 @@ def example_tables() -> CausticTables:
 
 def _read_only_tables(*arrays: object) -> CausticTables:
     """Returns tables without brightness and long chains."""
-    casters = np.asarray(arrays[0]).reshape(-1, 4)
-    unknown = (*map(np.zeros, ((0, 2), 1, (0, 8), (0, 3), (0, 2), 1, (len(casters), CODES), (0, 6))),)
+    casters = len(np.asarray(arrays[0]).reshape(-1, 4))
+    shapes: list[Any] = [(0, 2), 1, (0, SEEDS), (0, 3), (0, 2), 1, (casters, CODES), (0, LONG_LIGHT_COLUMNS)]
+    unknown = [np.zeros(shape) for shape in shapes]
     kinds: list[Any] = [np.int32, np.float32, np.int32, np.int32, np.int32, np.float32, np.int32, np.float32, np.float32]
     kinds += [np.int32, np.float32, np.int32, np.float32, np.int32, np.float32]
     made: list[Any] = [np.array(array, kind) for array, kind in zip((*arrays, *unknown), kinds, strict=True)]

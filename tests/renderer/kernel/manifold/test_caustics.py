@@ -16,9 +16,21 @@ import renderer.render as rendering
 from renderer.arrays.scene import CompiledScene
 from renderer.bvh.traverse import new_stack
 from renderer.film import COLOR, SAMPLES, Sums, digest
-from renderer.guiding.caustic_photons import brightness_of, greatest_irradiance
+from renderer.guiding.caustic_photons import brightness_of, greatest_irradiance, seeds_of, with_long_chains
 from renderer.kernel.manifold.brightness import BUCKETS, LEVELS, REFINEMENT
-from renderer.kernel.manifold.photons import ALL, FLUX, PHOTON_COLUMNS, PLACE, REFLECTS, follow_caustic_photons
+from renderer.kernel.manifold.photons import (
+    ALL,
+    CASTER,
+    FLUX,
+    INTERFACE,
+    KIND,
+    LONG_COLUMNS,
+    PHOTON_COLUMNS,
+    PLACE,
+    REFLECTS,
+    follow_caustic_photons,
+)
+from renderer.kernel.manifold.walk import LONG
 from renderer.render import render_frame
 from renderer.scene.caustics import caustic_tables, with_caustics
 from renderer.scene.description import Light, Material, Mesh, Sphere
@@ -257,6 +269,32 @@ def test_brightness_is_irradiance_relative_to_that_of_casters() -> None:
     assert found[0] == pytest.approx([16 / side**2 / (10 / np.pi), 0])
     assert found[LEVELS - 1] == pytest.approx([16 / 9 / (10 / np.pi), 4 / 9 / (10 / np.pi)])
     assert not found[LEVELS:].any()
+
+
+def test_long_chains_are_sampled_where_enough_photons_have_taken_them() -> None:
+    """Five photons are enough for a chain, and for the coarsest of the levels, three are not."""
+    tables = caustic_tables(HALLS["two"]())
+    assert tables is not None
+    sequence, rare = 0b1010, 0b111
+    photons = np.zeros((8, LONG_COLUMNS), np.float32)
+    photons[:, KIND], photons[5:, KIND] = int(LONG) + sequence, int(LONG) + rare
+    photons[:, CASTER], photons[:, FLUX] = 1, (1, 1, 4, 1, 1, 9, 9, 9)
+    photons[:, INTERFACE] = np.arange(8)
+    buckets = np.repeat(np.arange(LEVELS, dtype=np.int32)[:, None], 8, axis=1)
+    found = with_long_chains(tables, photons, buckets, 3.0, 2.0)
+    assert found.long_kind.tolist() == [[1, int(LONG) + sequence]] and found.long_cdf.tolist() == [0, 1]
+    assert np.argwhere(found.is_long).tolist() == [[1, sequence]]
+    assert found.long_light[LEVELS - 1, 0] == pytest.approx(8 / 9 / 2)
+    assert found.long_light[LEVELS - 1, 2:4].tolist() == [0, 2]  # number of the chain, place of its brightest photon
+    assert np.flatnonzero(found.long_light[:, 0]).tolist() == [LEVELS - 1]
+
+
+def test_seeds_are_spread_over_the_photons_of_a_bucket() -> None:
+    buckets = np.array([[5] * 16 + [9] * 2] * LEVELS, np.int32)
+    found = seeds_of(buckets)
+    assert found[5].tolist() == list(range(0, 16, 2))
+    assert found[9].tolist() == [16] * 4 + [17] * 4  # by the coarsest level alone
+    assert (found[:5] == -1).all()
 
 
 def test_tables_list_casters_and_small_lamps_only() -> None:
