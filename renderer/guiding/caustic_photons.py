@@ -1,7 +1,7 @@
 """Finds out by photons where a scene's caustics are: a function of the compiled scene alone.
 
-Manifold sampling then leaves out most walks where hardly any light would be found, and takes over those long chains that photons
-have found: all other long chains stay with BSDF sampling.
+Manifold sampling then leaves out most walks where hardly any light would be found, starts the others towards places that photons
+have left, and takes over those long chains that photons have found: all other long chains stay with BSDF sampling.
 """
 
 from __future__ import annotations
