@@ -35,7 +35,7 @@ from renderer.kernel.backends.cpu.rows import (
     time_of,
 )
 from renderer.kernel.backends.scalar.light import caustic_light
-from renderer.kernel.manifold.chain import NO_CHAIN, begin_chain, continue_chain, is_joined
+from renderer.kernel.manifold.chain import NO_CHAIN, begin_chain, continue_chain, is_joined, is_sampled_elsewhere
 from renderer.kernel.material.material import material_with
 from renderer.kernel.steps.scatter import Bounce
 from renderer.kernel.steps.state import Crossings, LastVertex, PathState, Ray, Vertex, with_radiance
@@ -48,6 +48,7 @@ __all__ = [
     "add_caustics",
     "arrive_with_chain",
     "chain_of",
+    "has_sampled_caustic",
     "leave_with_chain",
     "sample_caustic",
     "sample_caustics",
@@ -78,6 +79,21 @@ def arrive_with_chain(scene, pool, rows, chain, through, options):
     arrived = where(through, as_wide(_NO_CHAIN, none), chain)
     scatter(pool, rows, EarlierVertex(last.point, last.normal))
     scatter_caustic(pool, caustic_row(pool, rows, options), CausticPath(arrived, (none, none, none)))
+
+
+@subroutine
+def _is_sampled_elsewhere(scene, chain, light):
+    never_inline()
+    return is_sampled_elsewhere(scene, np.int32(chain), np.int64(light))
+
+
+@device
+def has_sampled_caustic(scene, chain, light, wanted):
+    """Returns True where manifold sampling has already sampled the emission that one path hits, or each of eight.
+
+    chain: from `chain_of`. light: index of the light. wanted: the lanes of interest; others get False.
+    """
+    return each_lane(_is_sampled_elsewhere, wanted & (chain != _NO_CHAIN), (scene, chain, light))
 
 
 @subroutine

@@ -9,7 +9,7 @@ from renderer.bvh.simd import load_int
 from renderer.bvh.traverse import Hit
 from renderer.jit import device, never_inline, subroutine, template
 from renderer.kernel import vec
-from renderer.kernel.backends.cpu.caustics import arrive_with_chain, chain_of
+from renderer.kernel.backends.cpu.caustics import arrive_with_chain, chain_of, has_sampled_caustic
 from renderer.kernel.backends.cpu.lists import (
     CONDUCTOR,
     DIFFUSE,
@@ -57,7 +57,6 @@ from renderer.kernel.backends.cpu.rows import (
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.light_groups import add_group_light, group_of_environment, group_of_light, group_of_material
 from renderer.kernel.light_paths import EMISSION, ENVIRONMENT, add_path_light
-from renderer.kernel.manifold.chain import is_sampled_elsewhere
 from renderer.kernel.material.material import Parameters, has_flag, parameters_at, relative_index
 from renderer.kernel.material.normal_map import shading_frame
 from renderer.kernel.spectrum.upsampling import light_at, reflectance_at
@@ -131,7 +130,7 @@ def shade_miss(scene, pool, rows, options, is_recorded):
             shows = counts
             if scene.caustics is not None:
                 sun = as_wide(np.uint32(scene.sun[which]), weight)
-                shows = counts & not_(is_sampled_elsewhere(scene, chain_of(pool, rows, path, options), sun))
+                shows = counts & not_(has_sampled_caustic(scene, chain_of(pool, rows, path, options), sun, counts))
             if scene.has.groups is not None:
                 sun = as_wide(np.uint32(scene.sun[which]), weight)
                 group = group_row(pool, rows, options) + group_of_light(scene, sun)
@@ -218,7 +217,7 @@ def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_
         lit = lit & not_(reflected & (ray.pdf > _ZERO)) & not_(over)  # light samples find it
     if scene.caustics is not None:
         chain = chain_of(pool, rows, path, options)
-        lit = lit & not_(is_sampled_elsewhere(scene, chain, where(lit, surface.light, _NONE)))
+        lit = lit & not_(has_sampled_caustic(scene, chain, surface.light, lit))
         arrive_with_chain(scene, pool, rows, chain, through, options)
     if any_of(lit):
         seen = emitted_light(scene, surface, lit, ray, last_vertex(scene, pool, rows), time)
