@@ -238,7 +238,7 @@ function values(gltf, bin, number, width) {
   const { array: Kind, size } = component;
   const step = view.byteStride || width * size;
   const start = bin.byteOffset + (view.byteOffset ?? 0) + (accessor.byteOffset ?? 0);
-  if (start + step * (accessor.count - 1) + width * size > bin.byteOffset + bin.byteLength) return null;
+  if (!(step >= width * size) || start + step * (accessor.count - 1) + width * size > bin.byteOffset + bin.byteLength) return null;
   if (step === width * size && start % size === 0) return new Kind(bin.buffer, start, accessor.count * width);
   const found = new Kind(accessor.count * width);
   const bytes = new Uint8Array(found.buffer);
