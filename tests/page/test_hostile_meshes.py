@@ -92,3 +92,39 @@ def lying() -> Iterator[Any]:
 @pytest.mark.parametrize("files", list(lying()))
 def test_sizes_that_a_file_cannot_have_are_left_to_service(own: Node, files: dict[str, bytes]) -> None:
     assert triangles_of(own, files) is None
+
+
+READ_LARGE = """
+    const made = new Function(a.make)();
+    const files = Object.entries(made).map(([path, data]) => ({ path, file: new Blob([data]) }));
+    const known = await m.meshOf({ files, formats: a.formats });
+    return known && known.packet.triangles;"""
+
+
+@pytest.mark.parametrize(
+    ("make", "triangles"),
+    [
+        pytest.param(
+            """const data = new DataView(new ArrayBuffer(84 + 50 * 400000));
+            data.setUint32(80, 400000, true);
+            for (let i = 0; i < 400000; i++)
+                for (let k = 3; k < 12; k++) data.setFloat32(84 + 50 * i + 4 * k, i % 2 ? NaN : i + k, true);
+            return { "a.stl": data };""",
+            None,
+            id="STL, positions that are no numbers",
+        ),
+        pytest.param(
+            f"""const material = "newmtl a\\nKd 1" + " ".repeat(500000) + "1 1";
+            return {{ "a.obj": "mtllib a.mtl\\n" + {json.dumps(TRIANGLE)}, "a.mtl": material }};""",
+            1,
+            id="MTL, a line of blanks",
+        ),
+        pytest.param(
+            f"""return {{ "a.obj": "mtllib a.mtl\\n".repeat(4000) + {json.dumps(TRIANGLE)}, "a.mtl": "#\\n".repeat(100000) }};""",
+            1,
+            id="OBJ, the same material file for each object",
+        ),
+    ],
+)
+def test_large_files_are_read_in_linear_time(own: Node, make: str, triangles: int | None) -> None:
+    assert own.call("mesh/upload", READ_LARGE, {"make": make, "formats": list(SCENE_SUFFIXES)}) == triangles
