@@ -75,10 +75,26 @@ def glb(**view: float) -> bytes:
         "bufferViews": [{"buffer": 0, "byteLength": 36, **view}],
         "buffers": [{"byteLength": 36}],
     }
+    return with_json(gltf)
+
+
+def with_json(gltf: dict[str, Any]) -> bytes:
     text = json.dumps(gltf).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", 36, b"BIN\0") + bytes(36)
     return struct.pack("<4s2I", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def repeated_glb() -> bytes:
+    """Returns a GLB of 20,000 nodes that all have the same mesh, of 5,000 primitives."""
+    data = glb()
+    (length,) = struct.unpack_from("<I", data, 12)
+    gltf = json.loads(data[20 : 20 + length])
+    gltf["accessors"][0]["count"] = 3
+    gltf["meshes"][0]["primitives"] *= 5_000
+    gltf["nodes"] *= 20_000
+    gltf["scenes"][0]["nodes"] = list(range(20_000))
+    return with_json(gltf)
 
 
 def lying() -> Iterator[Any]:
@@ -128,3 +144,7 @@ READ_LARGE = """
 )
 def test_large_files_are_read_in_linear_time(own: Node, make: str, triangles: int | None) -> None:
     assert own.call("mesh/upload", READ_LARGE, {"make": make, "formats": list(SCENE_SUFFIXES)}) == triangles
+
+
+def test_instances_are_bounded(own: Node) -> None:
+    assert triangles_of(own, {"a.glb": repeated_glb()}) == 20_000

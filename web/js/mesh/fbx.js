@@ -187,10 +187,13 @@ async function placing(scene, model, geometry) {
   const skin = scene.below(geometry, "Deformer", "Skin")[0]?.[0];
   if (skin === undefined) return { matrix, joints: [] };
   const joints = [];
+  let weighted = 0;
   for (const [cluster, { node }] of scene.below(skin, "Deformer", "Cluster")) {
     const bone = scene.below(cluster, "Model")[0]?.[0];
     const [indices, weights, transform] = [await arrayOf(node, "Indexes"), await arrayOf(node, "Weights"), await arrayOf(node, "Transform")];
-    if (bone !== undefined && indices && weights && transform) joints.push({ indices, weights, matrix: product(scene.world(bone), product([...transform], own)) });
+    weighted += Math.max(indices?.length ?? 0, weights?.length ?? 0);
+    if (weighted > MOST_CORNERS) throw new RangeError("too many weights"); // a file may name a cluster any number of times
+    if (bone !== undefined && indices && weights && transform?.length === 16) joints.push({ indices, weights, matrix: product(scene.world(bone), product([...transform], own)) });
   }
   return { matrix, joints };
 }

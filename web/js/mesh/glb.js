@@ -158,13 +158,15 @@ function chunks({ buffer, byteOffset, byteLength }) {
   return gltf && { gltf, bin };
 }
 
-/** Lists the triangle primitives of the scene with their matrices, column by column. @param {any} gltf */
+/** Lists the triangle primitives of the scene with their matrices, column by column, up to one more than are drawn. @param {any} gltf */
 function instances(gltf) {
   /** @type {{primitive: any, matrix: number[]}[]} */
   const found = [];
   for (const { node, matrix } of placedNodes(gltf))
-    for (const primitive of gltf.meshes?.[node.mesh]?.primitives ?? [])
+    for (const primitive of gltf.meshes?.[node.mesh]?.primitives ?? []) {
+      if (found.length > MOST_INSTANCES) return found;
       if ((primitive.mode ?? TRIANGLES) === TRIANGLES && primitive.attributes?.POSITION !== undefined) found.push({ primitive, matrix });
+    }
   return found;
 }
 

@@ -1,6 +1,6 @@
 /** Reads PLY files, text and binary of both byte orders, for a preview. Files of points alone, and of strips, are left to the service. */
 
-import { Scanner, growingIndices } from "./text.js";
+import { MOST_VALUES, Scanner, growingIndices } from "./text.js";
 import { GREY, WHITE, modelOf } from "./model.js";
 
 /** @typedef {{name: string, type: string, count: string | null}} Property count: the type of a list's length; null: no list */
@@ -27,7 +27,7 @@ const COLORS = [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diff
 export async function readPly(file, picture, most) {
   const head = headOf(file);
   const next = head && nextOf(file, head.at, head.format);
-  if (!next || !(leastBytes(head.elements) <= file.length)) return null; // before arrays of the stated size are made
+  if (!next || !(leastBytes(head.elements) <= Math.min(file.length, MOST_VALUES))) return null; // before arrays of the stated size are made
   /** @type {Record<string, Float32Array>} */
   let columns = {};
   /** @type {Element | undefined} */
