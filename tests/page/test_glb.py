@@ -156,3 +156,16 @@ def test_parts_of_one_table_of_vertices_are_drawn_by_texture(node: Node) -> None
     assert [(part["texture"], part["count"]) for part in packet["parts"]] == [(0, 6), (-1, 3)]
     found = positions(packet)[packet["indices"]]
     np.testing.assert_allclose(found, table[[0, 1, 2, 6, 7, 8, 3, 4, 5]], atol=1e-4)
+
+
+@pytest.mark.parametrize("perspective", [{}, {"yfov": 0}, {"yfov": 4}])
+def test_invalid_camera_is_left_out(node: Node, model: bytes, perspective: dict[str, float]) -> None:
+    (length,) = struct.unpack_from("<I", model, 12)
+    gltf = json.loads(model[20 : 20 + length])
+    gltf["cameras"] = [{"type": "perspective", "perspective": perspective}]
+    gltf["nodes"][0]["camera"] = 0
+    text = json.dumps(gltf).encode()
+    text += b" " * (-len(text) % 4)
+    data = struct.pack("<I4s", len(text), b"JSON") + text + model[20 + length :]
+    found = read_in_page(node, struct.pack("<4s2I", b"glTF", 2, 12 + len(data)) + data)
+    assert found["view"] == read_in_page(node, model)["view"]

@@ -281,11 +281,13 @@ export function frame(places) {
  * @param {number} fov vertical, in degrees
  * @param {Vec3} low lower corner of the scene
  * @param {Vec3} high
- * @returns {View}
+ * @returns {View | null} null if the file's values make no camera
  */
 export function orbitView(eye, back, up, fov, low, high) {
   const size = Math.hypot(...back) || 1;
   const middle = eye.reduce((sum, value, i) => sum + ((value - ((low[i] ?? 0) + (high[i] ?? 0)) / 2) * (back[i] ?? 0)) / size, 0);
   const away = middle > 0 ? middle : 1;
-  return { eye, target: /** @type {Vec3} */ (eye.map((value, i) => value - (away * (back[i] ?? 0)) / size)), up, fov };
+  const target = /** @type {Vec3} */ (eye.map((value, i) => value - (away * (back[i] ?? 0)) / size));
+  const isCamera = fov > 0 && fov < 180 && Math.hypot(...up) > 0 && [...eye, ...target, ...up].every(Number.isFinite);
+  return isCamera ? { eye, target, up, fov } : null;
 }
