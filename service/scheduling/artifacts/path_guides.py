@@ -88,6 +88,7 @@ class PathGuides(ArtifactTask[TrainPathGuide]):
         return [frame for frame in frames if (job.id, frame.key) not in self._awaited][: slots - requested]
 
     def _request_guide(self, job: ActiveJob, frame: ActiveFrame, kind: str) -> None:
+        self.release(job.id, frame.key)  # that of another worker kind, with which the job has not started
         request = TrainPathGuide("", job.id, frame.key, kind, frame.compiled[kind], frame.settings or job.settings)
         try:
             self._awaited[job.id, frame.key] = _Awaited(kind, time.monotonic(), self.request(request))
@@ -96,13 +97,12 @@ class PathGuides(ArtifactTask[TrainPathGuide]):
 
     def _hand_over(self, jobs: Mapping[str, ActiveJob]) -> None:
         for key, awaited in list(self._awaited.items()):
-            job = jobs.get(key[0])
-            frame = job.frames.get(key[1]) if job is not None else None
-            if not awaited.answer.done() and job is not None:
+            if not awaited.answer.done():
                 continue
             del self._awaited[key]
+            job = jobs.get(key[0])
+            frame = job.frames.get(key[1]) if job is not None else None
             if job is None or frame is None:
-                self.discard_job(key[0])
                 continue
             name = Sentence("label-frame", "frame {frame}", frame=frame_text(frame_number(frame.key)))
             try:

@@ -78,6 +78,20 @@ def test_guides_of_many_jobs_do_not_delay_an_urgent_one(service: Service, worker
     assert sorted(trained) == sorted([*jobs, urgent])
 
 
+@pytest.mark.long
+def test_worker_kinds_do_not_share_guides(service: Service, worker: PeerWorker) -> None:
+    """A larger group of workers of another kind joins while the first guide is trained: it trains its own."""
+    may_end, began = threading.Event(), threading.Event()
+    worker.on_path_guide = lambda work: bool(began.set()) or not may_end.wait(20)
+    job = service.submit(service.ready_scene(), frames="1-2", turntable=2.0, guiding="on")
+    assert began.wait(20)
+    with service.worker(name="other", kind="other-kind", slots=20) as other:
+        until(lambda: len(other.frames) == 2, "the frames are prepared for this kind")
+        may_end.set()
+        service.wait_for(job, "finished")
+    assert sorted(work.frame for work in other.path_guides) == [2, 4]
+
+
 def test_guides_that_cannot_be_trained_are_left_to_the_slots(service: Service, worker: PeerWorker) -> None:
     def fail(work: TrainPathGuide) -> None:
         raise ValueError("there is no disk")
