@@ -13,7 +13,15 @@ from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cuda import verdicts
 from renderer.cuda.cards import find_cards
 from renderer.cuda.driver import Card
-from renderer.cuda.verdicts import Verdict, failure_of, keep_verdict, kept_verdict, kernels_with_verdicts, run_self_test
+from renderer.cuda.verdicts import (
+    Verdict,
+    discard_passing_failures,
+    failure_of,
+    keep_verdict,
+    kept_verdict,
+    kernels_with_verdicts,
+    run_self_test,
+)
 from renderer.render import kernel_name, variant_for
 from renderer.self_test.compare import judge
 from renderer.self_test.scenes import SCENES, SelfTestScene, scenes_for, settings_for
@@ -97,7 +105,6 @@ def test_verdict_of_a_process_is_kept(fault: str, said: str, card: Card, monkeyp
     verdict = run_self_test(card, "plain", limit_s=40.0 if fault.startswith("hang") else 300.0)
     assert verdict == (said, not said)
     assert failure_of(card) == (f"Card 0: RTX Test, 8 GiB, compute capability 8.6 is not used: {said}." if said else "")
-    assert failure_of(card, lasting=True) == ""
     assert kernels_with_verdicts(card) == ["plain"]
 
 
@@ -128,7 +135,9 @@ def test_verdicts_belong_to_card_driver_and_ptx(card: Card) -> None:
     said = failure_of(CARD)
     assert said == "Card 0: RTX Test, 8 GiB, compute capability 8.6 is not used: it ended (SIGSEGV)."
     assert getattr(said, "code", "") == "card-unused"
-    assert failure_of(CARD, lasting=True) == ""
+    discard_passing_failures(CARD)
+    assert failure_of(CARD) == ""
+    assert kernels_with_verdicts(CARD) == ["plain"]
     for other in (CARD._replace(driver="575.2 (CUDA 13.0)"), CARD._replace(uuid="02" * 16)):
         assert kept_verdict(other, "plain", "ptx") is None
         assert failure_of(other) == ""
