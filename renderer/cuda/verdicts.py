@@ -28,6 +28,7 @@ __all__ = [
     "START_KERNELS",
     "Verdict",
     "discard_passing_failures",
+    "failed_kernels",
     "failure_of",
     "keep_verdict",
     "kept_verdict",
@@ -131,6 +132,11 @@ def failure_of(card: Card) -> str:
         if reason:
             return unused_card(card, from_text(reason))
     return ""
+
+
+def failed_kernels(card: Card) -> list[str]:
+    """Returns the names of the kernels with which a card failed."""
+    return sorted(kernel for kernel, (_, reason, _) in _read(_path(card)).items() if reason)
 
 
 def kernels_with_verdicts(card: Card) -> list[str]:
