@@ -16,6 +16,7 @@
     python3 farm.py peers [...]            our pictures beside Mitsuba's and Blender's (installs Blender: 1 GB)
     python3 farm.py bench [name ...]       the benchmarks; --help lists them
     python3 farm.py bench peers [--quick]  against Mitsuba, Embree and Cycles, by a table (hours; installs Embree and Blender)
+    python3 farm.py bench hard [--quick]   hard light against Mitsuba, Cycles and LuxCore (hours; installs Blender and LuxCore)
 
 Needs Python 3.11, 3.12 or 3.13 and nothing else. Only the standard library is used here, and only what every Python 3 parses,
 so that a wrong version gets a sentence and not a traceback.
@@ -40,6 +41,7 @@ FOR_TESTS = ("test",)
 FOR_BENCHMARKS = ("docs", "test")
 TEST_PROCESSES = 7  # one for each of the parts in tests/parts.py; many tests mostly wait
 # Scripts that make the pictures of docs/, and their requirements.
+HOURS_LONG = ("hard", "peers")  # benchmarks
 PICTURES = {"sheets": ("scenes", ()), "film": ("scenes", ()), "page-pictures": ("docs", FOR_TESTS)}
 TYPESCRIPT = VENV / "typescript"
 CYCLES = ROOT / ".venv-cycles"
@@ -52,6 +54,8 @@ BLENDERPROC = ("blenderproc>=2.8,<3", "numpy<2", "gitpython", "h5py", "imageio",
                "scipy", "trimesh")  # fmt: skip
 EMBREE = ROOT / ".venv-embree"
 EMBREEX = "embreex>=4.4,<5"
+LUXCORE_VENV = ROOT / ".venv-luxcore"
+LUXCORE = ("pyluxcore>=2.11,<2.12", "numpy")
 
 
 def main():
@@ -402,6 +406,14 @@ def install_embree():
     return install_apart(EMBREE, sys.executable, EMBREEX)
 
 
+def install_luxcore():
+    """Returns a Python with LuxCore, in a separate environment."""
+    if imports(LUXCORE_VENV, "os, numpy, pyluxcore; os._exit(0)"):  # it crashes when Python ends
+        return LUXCORE_VENV / "bin" / "python"
+    print_progress("installing LuxCore into .venv-luxcore (once; 150 MB are fetched) ...")
+    return install_apart(LUXCORE_VENV, sys.executable, *LUXCORE)
+
+
 def imports(folder, module):
     """Returns True if the virtual environment in `folder` works and contains a module."""
     python = folder / "bin" / "python"
@@ -418,7 +430,7 @@ def install_apart(folder, maker, *packages):
 
 
 def run_benchmarks(arguments):
-    """Runs all benchmarks or the named ones; `peers`, which takes hours, only by name."""
+    """Runs all benchmarks or the named ones; those that take hours only by name."""
     folder = ROOT / "tests" / "benchmarks"
     names = next((i for i, a in enumerate(arguments) if a.startswith("-")), len(arguments))
     wanted, options = arguments[:names], arguments[names:]
@@ -427,14 +439,16 @@ def run_benchmarks(arguments):
     if unknown:
         fail("There is no benchmark " + ", ".join(unknown) + "; known are " + ", ".join(known) + ".")
     if options and not wanted:
-        print("python3 farm.py bench [name ...] [its options]; each tells its own by --help. Without a name: all but peers.\n")
+        print(
+            "python3 farm.py bench [name ...] [its options]; each tells its own by --help. Without a name: all but hard, peers.\n"
+        )
         width = max(map(len, known)) + 2
         for name, path in known.items():
             print(f"  {name:<{width}}{ast.get_docstring(ast.parse(path.read_text())).splitlines()[0]}")
         return 0 if {"-h", "--help"} & set(options) else 2
     python = install(() if wanted == ["files"] else FOR_BENCHMARKS)
     results = []
-    for name in wanted or [name for name in known if name != "peers"]:
+    for name in wanted or [name for name in known if name not in HOURS_LONG]:
         path = known[name]
         print_progress("benchmark " + name)
         results.append(

@@ -67,7 +67,7 @@ def guiding_albedo(scene: CompiledScene, settings: RenderSettings, albedo: F32, 
 def guide_kernel(scene: CompiledScene, settings: RenderSettings) -> tuple[RenderSettings, str] | None:
     """Returns the settings and the variant of the kernel that renders the guide; None if the film's albedo is the guide.
 
-    It is the frame's own kernel, unless the settings ask for `guiding` or `spectral`. scene and settings: of the frame.
+    It is the frame's own kernel, unless the settings ask for `guiding`, `spectral` or `caustics`. scene, settings: of the frame.
     """
     if not has_variants(settings) or guide_scene(scene) is None:
         return None

@@ -44,7 +44,7 @@ from renderer.parallel_compile import Helpers
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
 from renderer.reference import Packed
 from renderer.replay import Replay, read_log
-from renderer.scene.caustics import example_tables, with_caustics
+from renderer.scene.caustics import with_caustics
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.environment import environment_sampled_fully, with_environment_changed, without_environment_sampling
 from renderer.scene.light_groups import with_group_planes
@@ -75,9 +75,10 @@ __all__ = [
     "render_frame",
     "replay",
     "settings_as_rendered",
-    "settings_without_guide",
+    "settings_of_prepared",
     "variant_for",
     "warm_up",
+    "warm_up_caustics",
     "warm_up_pilot",
 ]
 
@@ -168,18 +169,22 @@ def guide_of(
 def settings_as_rendered(
     settings: RenderSettings, scene: CompiledScene, prepare_pilot: Callable[[RenderSettings, str], None] | None = None
 ) -> RenderSettings:
-    """Returns the settings for whose kernel a scene is rendered: without `guiding` if its paths follow no guide.
+    """Returns the settings for whose kernel a scene is rendered.
 
-    Trains the guide if the settings ask for one. prepare_pilot: as for `guide_of`.
+    They are without `guiding` if its paths follow no guide, and without `caustics` if it has none. Trains the guide if the
+    settings ask for one. prepare_pilot: as for `guide_of`.
     """
+    if samples_caustics(settings) and with_caustics(scene).caustics is None:
+        return replace(settings, caustics="off")
     if not samples_guide(settings) or guide_of(settings, scene, prepare_pilot) is not None:
         return settings
     return replace(settings, guiding="off")
 
 
-def settings_without_guide(settings: RenderSettings, prepared: CompiledScene) -> RenderSettings:
-    """Returns the settings, without `guiding` if a scene from `_prepared` has no guide."""
-    return replace(settings, guiding="off") if prepared.path_guide is None else settings
+def settings_of_prepared(settings: RenderSettings, prepared: CompiledScene) -> RenderSettings:
+    """Returns the settings for whose kernel a scene from `_prepared` is rendered, as `settings_as_rendered` does."""
+    guiding = "off" if prepared.path_guide is None else settings.guiding
+    return replace(settings, guiding=guiding, caustics="off" if prepared.caustics is None else settings.caustics)
 
 
 def _pilot_variant(variant: str) -> str:
@@ -211,8 +216,6 @@ def _render(
     columns = _record_columns(settings)
     records = np.full((tile.w * tile.h * count if columns else 0, columns or 2), NOT_FINITE, np.uint32)
     camera = camera_frame(settings_relative_to_origin(settings, scene.origin))
-    if scene.caustics is None and samples_caustics(settings):  # nothing to sample
-        settings = replace(settings, caustics="off")
     kernel = renderer_of(settings)
     scratch, options = new_scratch(kernel, tile.w, tile.h, planes, rows), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
@@ -277,7 +280,7 @@ def _render_on(
     camera, options = camera_frame(settings_relative_to_origin(settings, scene.origin)), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
     plain = scene.has._replace(groups=None, light_paths=None, by_light=None)
-    suffix = variant_suffix(settings_without_guide(settings, scene))
+    suffix = variant_suffix(settings_of_prepared(settings, scene))
     variant = next(name for name, has in KERNEL_VARIANTS.items() if has == plain) + suffix
     found = card.render(scene, variant, camera, options, batch, tile.w, tile.h, recorded)
     bad: list[BadSample] = []
@@ -299,7 +302,7 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, caustics off and no mistake; leave out the card",
+                "sample and no mistake; leave out the card",
             )
         )
 
@@ -516,7 +519,8 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
         )
     if settings.integrator in ("whitted", "ao"):  # which have no media
         variant = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(variant, variant)
-    return FULL if variant == PLAIN and (settings.is_spectral or not has_variants(settings)) else variant
+    has_plain = has_variants(settings) and not (settings.is_spectral or samples_caustics(settings))
+    return FULL if variant == PLAIN and not has_plain else variant
 
 
 def kernel_name(settings: RenderSettings | None = None, variant: str = PLAIN) -> str:
@@ -561,8 +565,6 @@ def warm_up(
         copy_shipped_kernels(jit.cache_folder())
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
     nothing, _ = example_of(f"{variant}{variant_suffix(settings)}")
-    if samples_caustics(settings):
-        nothing = nothing._replace(caustics=example_tables())
     with (
         helpers or helpers_for(settings, variant) as helping,
         jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold,
@@ -570,14 +572,19 @@ def warm_up(
         if is_cold:
             helping.share()
         _render(nothing, settings, Tile(0, 0, 0, 0), 0, 0)
-        if samples_caustics(settings):
-            warm_up_photons(nothing)
+        warm_up_caustics(settings, variant)
         helping.finish()
         if prepares:
             prepare_first() if name == kernel_name() else prepare()
     if prepares:
         load_preparing()
     return time.perf_counter() - begin
+
+
+def warm_up_caustics(settings: RenderSettings, variant: str) -> None:
+    """Compiles or loads the kernels of photons through casters, if the settings ask for them. variant: of that for images."""
+    if samples_caustics(settings):
+        warm_up_photons(example_of(f"{variant}{variant_suffix(settings)}")[0])
 
 
 def is_pilot_warm(variant: str) -> bool:

@@ -8,29 +8,37 @@ from renderer.arrays.guide import empty_guide
 from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import CompiledScene, example
 from renderer.arrays.spectrum import empty_spectrum_tables
-from renderer.kernel.accumulate import samples_guide
+from renderer.kernel.accumulate import samples_caustics, samples_guide
+from renderer.scene.caustics import example_tables
 from renderer.scene.light_groups import with_group_planes
 from renderer.settings import RenderSettings, View
 
-__all__ = ["GUIDED_SUFFIX", "SPECTRAL_SUFFIX", "base_variant", "example_of", "variant_suffix"]
+__all__ = ["CAUSTICS_SUFFIX", "GUIDED_SUFFIX", "SPECTRAL_SUFFIX", "base_variant", "example_of", "has_caustics", "variant_suffix"]
 
-GUIDED_SUFFIX = "-guided"  # of a variant's name: for settings with a path guide,
+CAUSTICS_SUFFIX = "-caustics"  # of a variant's name: for settings that sample light through casters,
+GUIDED_SUFFIX = "-guided"  # then with a path guide,
 _PATHS_SUFFIX = "-paths"  # then with light paths,
 _GROUPS_SUFFIX = "-groups"  # with light groups,
 SPECTRAL_SUFFIX = "-spectral"  # and at the end for spectra
-_IN_ORDER = GUIDED_SUFFIX, _PATHS_SUFFIX, _GROUPS_SUFFIX, SPECTRAL_SUFFIX
+_IN_ORDER = CAUSTICS_SUFFIX, GUIDED_SUFFIX, _PATHS_SUFFIX, _GROUPS_SUFFIX, SPECTRAL_SUFFIX
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 
 
 def variant_suffix(settings: RenderSettings) -> str:
     """Returns what is appended to a variant's name for what these settings add to its kernel."""
+    sampled = f"{CAUSTICS_SUFFIX if samples_caustics(settings) else ''}{GUIDED_SUFFIX if samples_guide(settings) else ''}"
     by_light = f"{_PATHS_SUFFIX if settings.has_light_paths else ''}{_GROUPS_SUFFIX if settings.light_groups else ''}"
-    return f"{GUIDED_SUFFIX if samples_guide(settings) else ''}{by_light}{SPECTRAL_SUFFIX if settings.is_spectral else ''}"
+    return f"{sampled}{by_light}{SPECTRAL_SUFFIX if settings.is_spectral else ''}"
 
 
 def base_variant(name: str) -> str:
     """Returns the kernel variant (renderer/arrays/scene_features.py) of a name with `variant_suffix`."""
     return _split(name)[0]
+
+
+def has_caustics(name: str) -> bool:
+    """Returns True if the kernel of that name samples light through casters."""
+    return CAUSTICS_SUFFIX in _split(name)[1]
 
 
 def example_of(name: str) -> tuple[CompiledScene, RenderSettings]:
@@ -45,11 +53,14 @@ def example_of(name: str) -> tuple[CompiledScene, RenderSettings]:
         light_groups="a" if has_groups else "",
         light_paths="on" if has_paths else "off",
         spectral="on" if SPECTRAL_SUFFIX in suffixes else "off",
+        caustics="on" if CAUSTICS_SUFFIX in suffixes else "off",
         guiding="on" if GUIDED_SUFFIX in suffixes else "off",
     )
     nothing = strip_absent_features(with_group_planes(example(), settings.group_names), variant, has_groups, has_paths)
     if GUIDED_SUFFIX in suffixes:
         nothing = nothing._replace(path_guide=empty_guide())
+    if CAUSTICS_SUFFIX in suffixes:
+        nothing = nothing._replace(caustics=example_tables())
     if SPECTRAL_SUFFIX in suffixes:
         nothing = nothing._replace(spectrum=empty_spectrum_tables())
     return nothing, settings

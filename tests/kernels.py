@@ -52,7 +52,7 @@ def ready_first(is_ordinary: bool) -> Iterator[None]:
         of_scene = made.has._replace(groups=None, light_paths=None, by_light=None)
         variant = next(name for name, has in KERNEL_VARIANTS.items() if has == of_scene)
         is_other = settings.light_planes or settings.integrator in ("whitted", "ao")
-        settings = render.settings_without_guide(settings, made)
+        settings = render.settings_of_prepared(settings, made)
         is_other = is_other or samples_caustics(settings) or samples_guide(settings) or settings.is_spectral
         if is_ordinary and (is_other or variant not in (PLAIN, FULL)):
             pytest.fail("this would compile one more kernel: mark it `long`")

@@ -1,6 +1,7 @@
 """`python -m renderer.cuda`: builds the PTX of kernel variants into the cache, without a GPU; prints each file's path.
 
-The kernels for spectral pictures and guided paths are built only with `--spectral` or `--guided`, otherwise at their first use.
+The kernels for spectral pictures, guided paths and caustics are built only with `--spectral`, `--guided` or `--caustics`,
+otherwise at their first use.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cuda.artefacts import path_of, ptx_of
 from renderer.cuda.cards import NOT_YET_TRIED
 from renderer.printable import printable
-from renderer.variant_names import GUIDED_SUFFIX, SPECTRAL_SUFFIX
+from renderer.variant_names import CAUSTICS_SUFFIX, GUIDED_SUFFIX, SPECTRAL_SUFFIX
 
 __all__ = ["main"]
 
@@ -29,10 +30,11 @@ def main() -> None:
     for option, suffix, said in (
         ("--spectral", SPECTRAL_SUFFIX, f"`spectral: on`, which has no kernel {_PLAIN}"),
         ("--guided", GUIDED_SUFFIX, "`guiding: on` and `auto`"),
+        ("--caustics", CAUSTICS_SUFFIX, f"`caustics: on`, which has no kernel {_PLAIN}"),
     ):
         more.add_argument(option, dest="suffix", action="store_const", const=suffix, default="", help=f"those for {said}")
     options = parser.parse_args()
-    known = [name for name in KERNEL_VARIANTS if (name, options.suffix) != (_PLAIN, SPECTRAL_SUFFIX)]
+    known = [name for name in KERNEL_VARIANTS if name != _PLAIN or options.suffix not in (SPECTRAL_SUFFIX, CAUSTICS_SUFFIX)]
     wanted = options.variants or known
     if unknown := [name for name in wanted if name not in known]:
         parser.error(f"there is no kernel {', '.join(unknown)}; known are {', '.join(known)}")

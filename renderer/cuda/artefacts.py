@@ -21,7 +21,7 @@ from renderer.machine_code import SUFFIX, note_file
 from renderer.reference import Reference
 from renderer.shipped_kernels import copy_shipped_kernels
 from renderer.target import KernelDispatcher
-from renderer.variant_names import base_variant
+from renderer.variant_names import base_variant, has_caustics
 
 __all__ = ["card_module_of", "kernel_name", "path_of", "ptx_of"]
 
@@ -57,7 +57,7 @@ def card_module_of(variant: str) -> Any:
 
     Raises InexactError as `ptx_of` does.
     """
-    kind, kernels = wave_type(variant), kernels_of(KERNEL_VARIANTS[base_variant(variant)])
+    kind, kernels = wave_type(variant), kernels_of(KERNEL_VARIANTS[base_variant(variant)], has_caustics(variant))
     context = KernelDispatcher.targetdescr.target_context
     size = context.get_abi_sizeof(context.get_value_type(kind))
     linked = {kernel: linked_module(function, (Reference(kind), types.int64)) for kernel, function in kernels.items()}

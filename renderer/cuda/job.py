@@ -12,7 +12,7 @@ from renderer.bvh.compressed_tree import LEAF_NUMBERS, NODE_WORDS, CompressedTre
 from renderer.cryptomatte import NOT_FINITE
 from renderer.film import plane_count
 from renderer.kernel.accumulate import Batch
-from renderer.kernel.backends.cpu.rows import LAYOUT
+from renderer.kernel.backends.cpu.rows import CAUSTIC_ROW, LAYOUT
 from renderer.kernel.backends.cuda.wavefront import COUNTERS, LISTS, Wave
 from renderer.kernel.camera import Camera, camera_frame
 from renderer.kernel.light_groups import GROUP_ROW
@@ -24,14 +24,14 @@ __all__ = ["bytes_per_path", "wave_for", "wave_type"]
 _NOTHING: Any = None  # replaces the arrays of the processor's tree
 
 
-def bytes_per_path(options: Options) -> int:
-    """Returns how many bytes a path takes in the arrays of a Wave with these options."""
-    return 2 * 4 * (_columns(options) + LISTS) + 8
+def bytes_per_path(scene: CompiledScene, options: Options) -> int:
+    """Returns how many bytes a path takes in the arrays of a Wave with this scene and these options."""
+    return 2 * 4 * (_columns(scene, options) + LISTS) + 8
 
 
-def _columns(options: Options) -> int:
-    """Returns the number of float32 in a path's row, with its light by group and path."""
-    return LAYOUT.width + int(options.group_rows) * GROUP_ROW
+def _columns(scene: CompiledScene, options: Options) -> int:
+    """Returns the number of float32 in a path's row, with its light by group and path, and its CausticPath."""
+    return LAYOUT.width + int(options.group_rows) * GROUP_ROW + (CAUSTIC_ROW if scene.caustics is not None else 0)
 
 
 def wave_for(
@@ -50,7 +50,7 @@ def wave_for(
     scene: with a compressed tree, in the form that the variant's kernels expect. recorded: number of columns of the records of
     samples; 0 for no records. The rows and lists of the paths are not initialised.
     """
-    pool, lists = np.empty((_columns(options), 2 * paths), np.float32), np.empty((LISTS, 2 * paths), np.uint32)
+    pool, lists = np.empty((_columns(scene, options), 2 * paths), np.float32), np.empty((LISTS, 2 * paths), np.uint32)
     lengths, branches = np.zeros(LISTS, np.int64), np.empty(paths, np.int64)
     planes = plane_count(int(options.groups) + int(options.paths), options.transparent_background)
     film = np.zeros((planes, height, width), np.int64)

@@ -144,7 +144,7 @@ class CardRenderer:
         height: int,
         recorded: int,
     ) -> Rendered:
-        paths = paths_for(width * height * batch.count, self.card.memory, bytes_per_path(options))
+        paths = paths_for(width * height * batch.count, self.card.memory, bytes_per_path(scene, options))
         scene = scene._replace(bvh=self._compressed(scene.bvh))
         wave = wave_for(scene, camera, options, batch, width, height, paths, recorded=recorded)
         self._free_others(wave)

@@ -54,6 +54,8 @@ def take_turns(
         launch("shade_hits", 2 * paths, False)
         if has_media:
             launch("trace_subsurface", 2 * paths, False)
+        if scene.caustics is not None:
+            launch("sample_caustics", 2 * paths, False)
         if lit:
             launch("choose_lights", 2 * paths, False)
         if options.splitting > 1:
@@ -63,4 +65,6 @@ def take_turns(
             launch(kernel, 2 * paths, False)
         if lit:
             launch("trace_shadow_rays", 2 * paths, False)
+        if scene.caustics is not None:
+            launch("add_caustics", 2 * paths, False)
         launch("end_paths", 2 * paths, False)

@@ -14,7 +14,6 @@ from renderer.bvh.traverse import new_stack
 from renderer.jit import entry, never_inline, subroutine
 from renderer.kernel.backends.cpu.render import Part, pool_for, render_with_pool, stages
 from renderer.kernel.backends.scalar.first_hit import FIRST_HIT_SLOTS
-from renderer.kernel.backends.scalar.picture import trace_picture
 from renderer.kernel.backends.scalar.tile import render_tile
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.light_groups import GROUP_ROW
@@ -91,12 +90,6 @@ def _by_path(scene, stack, camera, options, batch, output):
 
 
 @subroutine
-def _by_caustics(scene, stack, camera, options, batch, output):
-    never_inline()
-    return render_tile(trace_picture, scene, stack, camera, options, batch, output)
-
-
-@subroutine
 def _by_whitted(scene, stack, camera, options, batch, output):
     never_inline()
     return render_tile(trace_whitted, scene, stack, camera, options, batch, output)
@@ -119,11 +112,6 @@ def _render_special_path(scene, stack, camera, options, batch, output):
 
 
 @entry
-def _render_caustics(scene, stack, camera, options, batch, output):
-    return _by_caustics(by_reference(scene), stack, camera, options, batch, output)
-
-
-@entry
 def _render_whitted(scene, stack, camera, options, batch, output):
     return _by_whitted(by_reference(scene), stack, camera, options, batch, output)
 
@@ -143,7 +131,7 @@ def has_variants(settings: RenderSettings) -> bool:
 
 def samples_caustics(settings: RenderSettings) -> bool:
     """Returns True if the kernel for these settings samples light through casters, in scenes with CausticTables."""
-    return renderer_of(settings) is _render_caustics
+    return settings.caustics == "on" and settings.integrator == "path" and has_variants(settings)
 
 
 def samples_guide(settings: RenderSettings) -> bool:
@@ -162,8 +150,6 @@ def renderer_of(settings: RenderSettings) -> Renderer:
         return _render_ao
     if is_special(settings):
         return _render_special_path
-    if settings.caustics == "on" and settings.integrator == "path":
-        return _render_caustics
     return _render_pool
 
 
@@ -175,7 +161,7 @@ def pool_stages(scene: CompiledScene, settings: RenderSettings) -> list[Part]:
     sums, bad, log = np.zeros((1, 0, 0), np.int64), np.zeros((0, 3), np.int64), np.zeros((0, COLUMNS))
     output = Output(sums, bad, log, sums.reshape(-1), np.zeros((0, 2), np.uint32), np.zeros(0, np.float32))
     given = pool_for(0, 0), camera_frame(settings), kernel_options(settings, scene), Batch(0, 0, 0, 0), output
-    return stages(scene.has, Reference(typeof(scene)), *given)
+    return stages(scene.has, scene.caustics, Reference(typeof(scene)), *given)
 
 
 def new_scratch(renderer: Renderer, width: int, height: int, planes: int = 0, rows: int = 0) -> Any:

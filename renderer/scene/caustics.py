@@ -15,6 +15,8 @@ import numpy.typing as npt
 from renderer.arrays import rows
 from renderer.arrays.scene import CompiledScene
 from renderer.kernel.light.punctual import DIRECTIONAL, SUN, SUN_UNSEEN
+from renderer.kernel.manifold.brightness import LONG_LIGHT_COLUMNS, SEEDS
+from renderer.kernel.manifold.walk import CODES
 from renderer.luminance import REC_709
 from renderer.scene.lights import cumulative
 
@@ -57,6 +59,13 @@ class CausticTables(NamedTuple):
         np.float32
     ]  # (buckets,): relative irradiance of the buckets of renderer/kernel/manifold/brightness.py
     brightness_scale: npt.NDArray[np.float32]  # (1,): cubes per unit length of the grid's finest level
+    seed: npt.NDArray[np.int32]  # (buckets, SEEDS): photons of a bucket as rows of `seed_place`; -1 for none
+    seed_place: npt.NDArray[np.float32]  # (n, 3): where these have left their casters
+    # Chains of more interfaces (renderer/kernel/manifold/walk.py) that are sampled by walks, likewise from photons.
+    long_kind: npt.NDArray[np.int32]  # (K, 2): the first caster from the receiver, and the kind
+    long_cdf: npt.NDArray[np.float32]  # (K + 1,): by flux; one number if there are none
+    is_long: npt.NDArray[np.int32]  # (C, CODES): 1 for the sequences of interfaces among them, by their first caster
+    long_light: npt.NDArray[np.float32]  # (buckets, LONG_LIGHT_COLUMNS), as in renderer/kernel/manifold/brightness.py
 
 
 # The arrays of a scene that its tables depend on. Frames of a shot may share some of them and differ in others.
@@ -90,9 +99,13 @@ def example_tables() -> CausticTables:
 
 
 def _read_only_tables(*arrays: object) -> CausticTables:
-    """Returns tables without brightness."""
+    """Returns tables without brightness and long chains."""
+    casters = len(np.asarray(arrays[0]).reshape(-1, 4))
+    shapes: list[Any] = [(0, 2), 1, (0, SEEDS), (0, 3), (0, 2), 1, (casters, CODES), (0, LONG_LIGHT_COLUMNS)]
+    unknown = [np.zeros(shape) for shape in shapes]
     kinds: list[Any] = [np.int32, np.float32, np.int32, np.int32, np.int32, np.float32, np.int32, np.float32, np.float32]
-    made: list[Any] = [np.array(array, kind) for array, kind in zip((*arrays, np.zeros((0, 2)), np.zeros(1)), kinds, strict=True)]
+    kinds += [np.int32, np.float32, np.int32, np.float32, np.int32, np.float32]
+    made: list[Any] = [np.array(array, kind) for array, kind in zip((*arrays, *unknown), kinds, strict=True)]
     made[0] = made[0].reshape(-1, 4)
     for array in made:
         array.flags.writeable = False

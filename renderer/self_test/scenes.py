@@ -32,7 +32,7 @@ from renderer.scene.material import with_visibility
 from renderer.scene.readers import shapes
 from renderer.scene.readers.strands import Strand, strands_mesh
 from renderer.settings import RenderSettings, Vec3, View
-from renderer.variant_names import base_variant, example_of
+from renderer.variant_names import base_variant, example_of, has_caustics
 
 __all__ = ["SCENES", "SPP", "SelfTestScene", "scenes_for", "settings_for"]
 
@@ -48,12 +48,16 @@ _FLOOR, _LAMP = 0, 1  # materials; those of the balls follow
 
 
 class SelfTestScene(NamedTuple):
-    """A scene of the self-test. needs: fields of SceneFeatures that its kernel must have."""
+    """A scene of the self-test.
+
+    needs: fields of SceneFeatures that its kernel must have. has_casters: whether it is for kernels with CausticTables alone.
+    """
 
     name: str
     needs: tuple[str, ...]
     describe: Callable[[], SceneDescription]
     background: str = "visible"
+    has_casters: bool = False
 
     def compiled(self) -> CompiledScene:
         """Returns the compiled scene."""
@@ -63,7 +67,8 @@ class SelfTestScene(NamedTuple):
 def scenes_for(kernel: str) -> list[SelfTestScene]:
     """Returns the scenes that a kernel can render. kernel: named as in renderer/variant_names.py."""
     has = KERNEL_VARIANTS[base_variant(kernel)]
-    return [scene for scene in SCENES if all(getattr(has, part) for part in scene.needs)]
+    found = [scene for scene in SCENES if scene.has_casters == has_caustics(kernel)]
+    return [scene for scene in found if all(getattr(has, part) for part in scene.needs)]
 
 
 def settings_for(kernel: str, scene: SelfTestScene) -> RenderSettings:
@@ -153,6 +158,12 @@ def _surfaces() -> SceneDescription:
         replace(_GOLD, roughness=0.3),
         replace(_GOLD, roughness=0.0),
     )
+
+
+def _casters() -> SceneDescription:
+    made = _room(_GREY, Material(kind="mirror", base_color=(0.9, 0.9, 0.9)), _GLASS, _GREY, vase=2)
+    made.lights.append(Light("point", (4.0, 4.0, 4.0), (0.8, 3.0, 1.5)))
+    return made
 
 
 def _layers() -> SceneDescription:
@@ -310,6 +321,7 @@ SCENES = (
     SelfTestScene("media in grids", ("textures", "lights", "layers", "media", "grids"), _grids),
     SelfTestScene("small lamps in a medium", ("textures", "lights", "layers", "media", "pivots"), _pivots),
     SelfTestScene("lamps behind glass", ("textures", "lights", "layers", "targets"), _targets),
+    SelfTestScene("caustics", ("textures", "lights", "layers"), _casters, has_casters=True),
     SelfTestScene("light links", ("textures", "lights", "layers", "links"), _links),
     SelfTestScene("visibility by kind of ray", ("textures", "lights", "layers", "visibility"), _visibility),
     SelfTestScene("catchers", ("textures", "lights", "layers", "reflections"), _catchers, background="transparent"),

@@ -15,7 +15,7 @@ import numpy as np
 from renderer.scene.description import Environment, Image, Light, Material, Medium, Mesh, SceneDescription, Texture
 from renderer.settings import RenderSettings
 
-__all__ = ["mitsuba_dict"]
+__all__ = ["mitsuba_dict", "write_ply"]
 
 _ROUGH_ALPHA = 1e-3  # below this, our microfacets have minimum roughness, while Mitsuba's are a mirror
 _WRAP = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp"}
@@ -40,7 +40,7 @@ def mitsuba_dict(mi: Any, description: SceneDescription, settings: RenderSetting
     if description.medium is not None:
         made["sensor"]["medium"] = _medium(description.medium)
     bsdfs = [_bsdf(mi, description, material) for material in description.materials]
-    meshes = [_write_ply(mesh, folder / f"mesh{i}.ply") for i, mesh in enumerate(description.meshes)]
+    meshes = [write_ply(mesh, folder / f"mesh{i}.ply") for i, mesh in enumerate(description.meshes)]
     uses = [0] * len(meshes)
     for instance in description.instances:
         uses[instance.mesh] += 1
@@ -128,7 +128,7 @@ def _sensor(mi: Any, settings: RenderSettings) -> dict[str, Any]:
     return sensor | {"type": "thinlens", "aperture_radius": view.aperture, "focus_distance": focus}
 
 
-def _write_ply(mesh: Mesh, path: Path) -> Path:
+def write_ply(mesh: Mesh, path: Path) -> Path:
     """Writes the mesh as binary PLY, and returns the path."""
     columns = {name: mesh.positions[:, i] for i, name in enumerate("xyz")}
     if mesh.normals is not None:

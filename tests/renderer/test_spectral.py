@@ -42,10 +42,11 @@ def test_spectral_needs_an_estimating_integrator(integrator: str) -> None:
         replace(SETTINGS, integrator=integrator)
 
 
-def test_cards_render_by_wavelength_and_with_guides() -> None:
+def test_cards_render_by_wavelength_with_guides_and_with_caustics() -> None:
     assert is_for_cards(SETTINGS)
     assert is_for_cards(replace(SETTINGS, spectral="off", guiding="on"))
-    assert not is_for_cards(replace(SETTINGS, spectral="off", caustics="on"))
+    assert is_for_cards(replace(SETTINGS, spectral="off", caustics="on"))
+    assert not is_for_cards(replace(SETTINGS, spectral="off", integrator="ao"))
 
 
 def test_settings_of_rgb_are_those_of_older_workers() -> None:

@@ -24,7 +24,7 @@ from renderer.cuda.render import CardError, CardMemoryError, CardRenderer
 from renderer.errors import RayfarmError
 from renderer.film import SAMPLES, BatchSums
 from renderer.kernel.accumulate import samples_guide
-from renderer.render import is_for_cards, render_batch, settings_as_rendered, variant_for
+from renderer.render import is_for_cards, render_batch, settings_as_rendered, variant_for, warm_up_caustics
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
 from renderer.settings import Tile
@@ -221,6 +221,7 @@ def _prepare_renderer(
         renderer = _cards.get(card.number) or CardRenderer(card)
         _cards[card.number] = renderer
         _load(worker, renderer, kernel)
+        warm_up_caustics(settings, variant)
         compiling(False)
     return renderer, scene
 

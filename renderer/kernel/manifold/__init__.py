@@ -1,4 +1,4 @@
-"""Specular manifold sampling: light that reaches a vertex through one or two smooth interfaces.
+"""Specular manifold sampling: light that reaches a vertex through one to six smooth interfaces.
 
 Zeltner, Georgiev & Jakob, "Specular Manifold Sampling for Rendering High-Frequency Caustics and Glints" (2020), in its unbiased
 form; Hanika, Droske & Fascione, "Manifold Next Event Estimation" (2015).

@@ -4,6 +4,8 @@ That probability is not known; its reciprocal is estimated by the number of furt
 (Zeltner et al. 2020, 4.1), which is unbiased. The number is limited to `Options.caustic_trials`, N: a solution that is found
 with probability p loses the fraction (1 - p)**N of its light. At the limit of 4,096, less than 1e-17 is lost for p = 0.01.
 
+A walk looks for all short chains of a caster at once, or for one long kind, which is chosen before it starts.
+
 Vertices whose throughput is small, and those where photons have found little light (brightness.py), are sampled with a
 probability below 1 and weighted by its reciprocal.
 """
@@ -18,13 +20,21 @@ from renderer.bvh.traverse import SHADOW_REACH, any_hit, closest_hit
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.light.lights import FAR
-from renderer.kernel.manifold.brightness import choose_caster, sampling_rates
+from renderer.kernel.manifold.brightness import choose_chain, sampling_rates, seed_bucket
 from renderer.kernel.manifold.caster import caster_of
 from renderer.kernel.manifold.differentials import perpendicular_area, solid_angle_area
 from renderer.kernel.manifold.lamps import AREA, DISTANT, lamp_light, sample_lamp
 from renderer.kernel.manifold.meeting import bounce_density, photon_chance, photon_density, share
 from renderer.kernel.manifold.seeds import seed_direction
-from renderer.kernel.manifold.walk import LAST_STEP2, NO_CHAIN, REFLECTED, THROUGH, last_out, walk_to_lamp
+from renderer.kernel.manifold.walk import (
+    LAST_STEP2,
+    LONG,
+    REFLECTED,
+    interface_count,
+    last_out,
+    reflects_at,
+    walk_to_lamp,
+)
 from renderer.kernel.material.material import eval_material
 from renderer.kernel.steps.depths import count_bounce, reached_limit
 from renderer.kernel.steps.random_blocks import draw_caustic, draw_trial
@@ -58,13 +68,16 @@ def _is_within_depth(kind, path, counts, scatters_up, scatter_pdf, options):
     counts = count_bounce(counts, _YES, scatters_up, scatter_pdf)
     is_free = options.transmission_depth > 0
     within = _YES
-    for _ in range(2 if kind == THROUGH else 1):
+    following = interface_count(kind)
+    while following > 0:
+        following -= 1
+        reflects = reflects_at(kind, following)
         within = within and depth + _ONE < np.float32(options.max_depth)
         if options.has_depths:
             within = within and not reached_limit(counts, options)
-        if kind == REFLECTED or not is_free:
+        if reflects or not is_free:
             depth += _ONE
-        counts = count_bounce(counts, _YES, kind == REFLECTED, _ZERO)
+        counts = count_bounce(counts, _YES, reflects, _ZERO)
     return within, depth + _ONE
 
 
@@ -112,7 +125,7 @@ def importance_of(path, roulette_weight):
 
 @subroutine
 def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, last, is_rivaled, options, stream):
-    """Samples the light of small lamps that reaches a vertex through one caster; returns a CausticLight.
+    """Samples the light of small lamps that reaches a vertex through casters; returns a CausticLight.
 
     roulette_weight: of the path's ray. last: the LastVertex. is_rivaled: whether photons also bring this light to the last vertex
     (meeting.py), so that the light is weighted. counts: the path's depth counts. Traces rays with `stack`. The scene must have
@@ -125,23 +138,30 @@ def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, last, 
     paths = bounce_density(last, surface) if is_rivaled else _ONE
     chance_of_photon = photon_chance(path.number - _ONE)  # at the last vertex
     rivals = chance_of_photon / max(paths, _LEAST_DENSITY) if is_rivaled else _ZERO
-    caster, chance = choose_caster(scene, surface.point, vertex.normal, importance, rivals, u[3])
+    chosen = choose_chain(scene, surface.point, vertex.normal, importance, rivals, u[3])
+    caster, chance, is_long = chosen.caster, chosen.chance, chosen.kind >= LONG
     if caster < 0:
         return CausticLight(_BLACK, _ZERO, 0)
-    transmitted, reflected = sampling_rates(scene, surface.point, caster, importance, rivals)
-    greater = max(transmitted, reflected)  # has been counted in the choice of the caster
-    rates = transmitted / greater, reflected / greater
     lamp = sample_lamp(scene, u[2], (u[0], u[1]))
     is_distant = lamp.kind == DISTANT
-    line = lamp.target if is_distant else vec.normalize(vec.sub(lamp.target, surface.point))
-    start = offset_ray_origin(surface, vec.dot(n, line) > _ZERO, line)
-    is_aimed = caster_of(scene, closest_hit(scene.bvh, stack, start, line, _INF, None, _ROOT)) == caster
-    rays = 1
+    rates, rays = (_ONE, _ONE), 0
+    if is_long:
+        line = vec.normalize(vec.sub(chosen.seed, surface.point)) if chosen.is_seeded else vertex.frame[2]
+        is_aimed, bucket = chosen.is_seeded, -1
+    else:
+        bucket = seed_bucket(scene, surface.point, caster)
+        transmitted, reflected = sampling_rates(scene, surface.point, caster, importance, rivals)
+        greater = max(transmitted, reflected)  # has been counted in the choice of the caster
+        rates = transmitted / greater, reflected / greater
+        line = lamp.target if is_distant else vec.normalize(vec.sub(lamp.target, surface.point))
+        start = offset_ray_origin(surface, vec.dot(n, line) > _ZERO, line)
+        is_aimed = caster_of(scene, closest_hit(scene.bvh, stack, start, line, _INF, None, _ROOT)) == caster
+        rays = 1
     trials, brought, segments = 0, _BLACK, _ZERO
-    limit, kind = line, NO_CHAIN  # of the first walk
+    limit, kind = line, chosen.kind  # of the first walk
     for trial in range(options.caustic_trials + 1):
         u = draw_trial(stream, path.number, trial)
-        towards = seed_direction(scene, caster, surface.point, line, is_aimed, (u[0], u[1], u[2]))
+        towards = seed_direction(scene, caster, surface.point, line, is_aimed, bucket, (u[0], u[1], u[2]))
         walk = walk_to_lamp(scene, stack, surface, n, towards, caster, lamp.target, is_distant, kind, rates, LAST_STEP2, u[3])
         rays += walk.rays
         if trial == 0:
@@ -151,9 +171,10 @@ def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, last, 
             known = vertex, path, counts, lamp, caster, walk, options
             brought, segments, photons, shadow_rays = solution_light(scene, stack, *known)
             rays += shadow_rays
-            if is_rivaled:
+            if is_rivaled and not is_long:
                 brought = vec.scale(brought, share(paths, photons * chance_of_photon))
-            chance *= rates[1] if kind == REFLECTED else rates[0]
+            if not is_long:
+                chance *= rates[1] if kind == REFLECTED else rates[0]
             if not vec.maximum(brought) > _ZERO:
                 break
         else:

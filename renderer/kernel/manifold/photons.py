@@ -1,7 +1,8 @@
 """Photons that lamps send through casters: they show where caustics are.
 
-A photon crosses the interfaces of one caster, as the chains of `estimate_caustic` do, up to the next other surface. It need not
-be exact, since the estimator's mean does not depend on it.
+A photon crosses the interfaces of one caster, as the short chains of `estimate_caustic` do, up to the next other surface; or up
+to six interfaces of any casters, to find the long chains that are worth a walk. It need not be exact, since the estimator's mean
+does not depend on it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from renderer.kernel.manifold.brightness import LEVELS, REFINEMENT, bucket_of
 from renderer.kernel.manifold.caster import caster_of, caster_point, index_of, material_number
 from renderer.kernel.manifold.differentials import arrive, leave_plane, leave_point, redirect
 from renderer.kernel.manifold.lamps import AREA, DISTANT, lamp_light, sample_lamp
-from renderer.kernel.manifold.walk import REFLECTED, THROUGH, TRANSMITTED
+from renderer.kernel.manifold.walk import LONG, REFLECTED, THROUGH, TRANSMITTED, interface_weight
 from renderer.kernel.sampling.sampler import INDEPENDENT, Stream, draw4, pixel_key
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_disk, square_to_disk_pdf, square_to_sphere
 from renderer.kernel.surface.ray_origins import leave
@@ -29,21 +30,27 @@ __all__ = [
     "ALL",
     "CASTER",
     "FLUX",
+    "INTERFACE",
+    "KIND",
+    "LONG_COLUMNS",
     "PHOTON_COLUMNS",
     "PLACE",
     "REFLECTS",
     "Photon",
     "emission_pdf",
     "follow_caustic_photons",
+    "follow_long_photons",
     "follow_photon",
     "kind_chance",
     "photon_buckets",
 ]
 
-# Columns of a photon: where it arrives; its caster; 1 if that reflects it, else 0; its flux; and its flux before it was divided
-# between reflection and transmission.
-PLACE, CASTER, REFLECTS, FLUX, ALL = 0, 3, 4, 5, 6
-PHOTON_COLUMNS = 7
+# Columns of a photon: where it arrives; its caster; 1 if that reflects it, else 0; its flux; where it leaves the caster; and its
+# flux before it was divided between reflection and transmission.
+PLACE, CASTER, REFLECTS, FLUX, INTERFACE, ALL = 0, 3, 4, 5, 6, 9
+PHOTON_COLUMNS = 10
+# Columns of a photon of a long chain: the same, of the caster that it leaves last, and the kind of its chain.
+KIND, LONG_COLUMNS = 4, 9
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -53,10 +60,12 @@ _TWO = np.float32(2.0)
 _4PI = np.float32(4 * np.pi)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
-_SEED = np.uint32(0x9E3779B9)
+_SEED, _LONG_SEED = np.uint32(0x9E3779B9), np.uint32(0x3C6EF372)
 _FINER = np.float32(1 / REFINEMENT)
-_LAMP, _DIRECTION = np.uint32(0), np.uint32(1)
+_LAMP, _DIRECTION, _KINDS = np.uint32(0), np.uint32(1), np.uint32(2)
 _LEAST_REFLECTED = np.float32(0.2)  # least probability of reflection by glass
+_LONGEST = 6  # greatest number of interfaces
+_FOURTH = np.float32(0.25)
 
 
 class Photon(NamedTuple):
@@ -183,12 +192,82 @@ def _record(scene, stack, count, photons):
         stream = Stream(INDEPENDENT, _SEED, pixel_key(0, 0), np.uint32(k))
         photon = follow_photon(scene, stack, draw4(stream, _LAMP), draw4(stream, _DIRECTION))
         if photon.found:
+            left = vec.sub(photon.place, vec.scale(photon.ray.d, photon.hit.t))
             for axis in range(3):
-                photons[found, PLACE + axis] = photon.place[axis]
+                photons[found, PLACE + axis], photons[found, INTERFACE + axis] = photon.place[axis], left[axis]
             photons[found, CASTER], photons[found, REFLECTS] = photon.caster, photon.kind == REFLECTED
             photons[found, FLUX], photons[found, ALL] = photon.flux, photon.all
             found += 1
     return found
+
+
+@subroutine
+def _record_long(scene, stack, count, photons):
+    """Follows photons through chains of interfaces; glass reflects each with a probability of 1/4 to 3/4.
+
+    count, photons: as for `follow_long_photons`.
+    """
+    never_inline()
+    found = 0
+    casters = len(scene.caustics.caster)
+    for k in range(count):
+        stream = Stream(INDEPENDENT, _LONG_SEED, pixel_key(0, 0), np.uint32(k))
+        u, v = draw4(stream, _LAMP), draw4(stream, _DIRECTION)
+        lamp = sample_lamp(scene, u[2], (u[0], u[1]))
+        aimed = min(np.int32(u[3] * np.float32(casters)), np.int32(casters - 1))
+        start, d, weight = _emit(scene, lamp, aimed, (v[0], v[1]))
+        light = lamp_light(scene, lamp, vec.add(start, d), vec.neg(d))
+        flux = vec.maximum(light) * weight * np.float32(casters)
+        kind, crosses, caster, last = np.int32(0), False, np.int32(-1), start
+        choices = v[2], v[3], v[2], v[2]
+        for number in range(_LONGEST + 1):
+            hit = closest_hit(scene.bvh, stack, start, d, _INF, None, _ROOT)
+            own = caster_of(scene, hit)
+            if own < 0 or number == _LONGEST or not flux > _ZERO or (number == 0 and own != aimed):
+                break
+            caster = own
+            material = material_number(scene, hit.primitive)
+            at = caster_point(scene, start, d, hit)
+            eta = index_of(scene, material, at.front)
+            cosine = -vec.dot(d, at.normal)
+            reflects = scene.caustics.caster[caster, 3] == 0
+            if number == 2:
+                choices = draw4(stream, _KINDS)
+            if not reflects:
+                choice = choices[number - 2 if number >= 2 else number]
+                reflectance, _ = fresnel_dielectric(cosine, eta)
+                chance = _ONE if reflectance >= _ONE else min(max(reflectance, _FOURTH), _ONE - _FOURTH)
+                reflects = choice < chance
+                flux /= chance if reflects else _ONE - chance
+            flux *= vec.maximum(interface_weight(scene, material, cosine, eta, reflects)) * (_ONE if reflects else eta * eta)
+            exists, ray = redirect(leave_point(d), _BLACK, _BLACK, at, eta, reflects)
+            if not (exists and at.regular):
+                flux = _ZERO
+            # Seen from the other end, the last interface comes first.
+            kind = np.int32(kind + ((1 if reflects else 0) << number))
+            last, d = at.point, ray.d
+            start = leave(at.point, at.error, at.geometric, d)
+            if number == 0:
+                crosses = not reflects and at.front and scene.caustics.caster[caster, 2] != 0
+            elif number == 1:
+                crosses = crosses and not reflects and not at.front and own == aimed
+        if number >= 2 and flux > _ZERO and own < 0 and hit.primitive != NO_PRIMITIVE and not (crosses and number == 2):
+            place = vec.add(start, vec.scale(d, hit.t))
+            for axis in range(3):
+                photons[found, PLACE + axis], photons[found, INTERFACE + axis] = place[axis], last[axis]
+            photons[found, CASTER], photons[found, FLUX] = caster, flux
+            photons[found, KIND] = np.int32(kind + (1 << number)) + LONG
+            found += 1
+    return found
+
+
+@entry
+def follow_long_photons(scene, stack, count, photons):
+    """Follows `count` photons through long chains and records those that arrive, (count, LONG_COLUMNS) f32; returns their number.
+
+    scene: has `caustics`. Their weights differ, so that all kinds are found.
+    """
+    return _record_long(by_reference(scene), stack, count, photons)
 
 
 @entry

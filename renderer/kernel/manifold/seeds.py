@@ -9,6 +9,7 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
+from renderer.kernel.manifold.brightness import SEEDS
 from renderer.kernel.polynomial import sincos_turns
 from renderer.kernel.sampling.warp import square_to_cone, square_to_sphere, square_to_triangle
 
@@ -18,17 +19,25 @@ _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
+_LISTED = np.float32(0.75)  # part of the directions
+_PER_SEED = np.float32(SEEDS / 0.75)
 _JITTER = np.float32(0.25)  # greatest tangent of the angle between a seed and the straight line to the lamp
 
 
 @device
-def seed_direction(scene, caster, p, line, is_aimed, u):
+def seed_direction(scene, caster, p, line, is_aimed, bucket, u):
     """Returns a random unit direction from p towards a caster. u: three random numbers in [0, 1).
 
-    line: unit direction to the lamp. is_aimed: whether a ray in that direction hits the caster first; half of the directions are
-    then near it.
+    bucket: from `seed_bucket`; if that is not -1, most directions are towards the places where its photons have left the caster.
+    line: unit direction to the lamp, or to a place from which light of the wanted chain is known to come. is_aimed: whether a ray
+    in that direction hits the caster first; half of the other directions are then near it.
     """
     choice = u[2]
+    if bucket >= 0:
+        if choice < _LISTED:
+            photon = scene.caustics.seed[bucket, min(np.int32(choice * _PER_SEED), np.int32(SEEDS - 1))]
+            return vec.normalize(vec.sub(row(scene.caustics.seed_place, photon, 3), p))
+        choice = (choice - _LISTED) / (_ONE - _LISTED)
     if is_aimed:
         if choice < _HALF:
             sine, cosine = sincos_turns(u[1])

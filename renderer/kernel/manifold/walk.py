@@ -1,4 +1,9 @@
-"""Newton's method for the direction in which light from a lamp's point reaches a vertex through a caster."""
+"""Newton's method for the direction in which light from a lamp's point reaches a vertex through casters.
+
+A kind of chain is the sequence of its interfaces from the vertex to the lamp, as an integer: a 1, then a bit for each interface,
+which is 1 for reflection. Short kinds have one interface, or two where light crosses a closed caster; all others are long, and
+marked by LONG.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +28,28 @@ from renderer.kernel.manifold.differentials import (
 from renderer.kernel.steps.pass_through import absorbed
 from renderer.kernel.surface.ray_origins import leave, offset_ray_origin
 
-__all__ = ["LAST_STEP2", "NO_CHAIN", "REFLECTED", "THROUGH", "TRANSMITTED", "Walk", "last_out", "walk_to_lamp"]
+__all__ = [
+    "CODES",
+    "LAST_STEP2",
+    "LONG",
+    "NO_CHAIN",
+    "REFLECTED",
+    "THROUGH",
+    "TRANSMITTED",
+    "Walk",
+    "interface_count",
+    "interface_weight",
+    "last_out",
+    "reflects_at",
+    "walk_to_lamp",
+]
 
-# Kinds of chains of interfaces: reflection, transmission, transmission into a closed caster and out of it.
-NO_CHAIN, REFLECTED, TRANSMITTED, THROUGH = (np.int32(n) for n in (-1, 0, 1, 2))
+# Kinds of chains: reflection, transmission, transmission into a closed caster and out of it.
+NO_CHAIN, TRANSMITTED, REFLECTED, THROUGH = (np.int32(n) for n in (-1, 0b10, 0b11, 0b100))
+CODES = 1 << 7  # of sequences of up to six interfaces
+LONG = np.int32(CODES)
+_SEQUENCE = np.int32(CODES - 1)  # mask of the sequence
+_FIRST = np.int32(1)
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -48,7 +71,7 @@ class Walk(NamedTuple):
     """The end of a walk: whether it has reached a solution, and the chain of interfaces there."""
 
     found: Any
-    kind: Any  # REFLECTED, TRANSMITTED or THROUGH
+    kind: Any
     d: Any  # direction at the vertex, unit
     limit: Any  # the direction after one more step, computed without tracing it: equal for walks to the same solution
     at: Any  # the last interface's CasterPoint
@@ -60,6 +83,21 @@ class Walk(NamedTuple):
     material: Any  # number of the caster's material
     regular: Any  # whether no shading normal is bent
     rays: Any  # number of rays traced
+
+
+@device
+def interface_count(kind):
+    """Returns the number of interfaces of a kind of chain."""
+    count, rest = np.int32(0), kind & _SEQUENCE
+    while rest > _FIRST:
+        count, rest = np.int32(count + 1), np.int32(rest >> 1)
+    return count
+
+
+@device
+def reflects_at(kind, following):
+    """Returns True if a kind of chain is reflected at an interface. following: number of interfaces between it and the lamp."""
+    return (kind >> np.int32(following)) & _FIRST != 0
 
 
 @device
@@ -108,14 +146,15 @@ def _kind_of(scene, caster, at, target, is_distant, wanted, rates, u):
 def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted, rates, last_step2, u):
     """Walks from direction d at a vertex towards a solution; returns a Walk.
 
-    surface, n: of the vertex. target: the lamp's point, or if `is_distant` the direction to it. wanted, rates: as for
-    `_kind_of`. last_step2: the greatest squared change of the direction by one more step at a solution: LAST_STEP2, or infinite
-    if d is known to be a solution. u: a random number in [0, 1) for the kind of chain. The interfaces before the last obey the
-    law of refraction at each step; the walk solves for the last one.
+    surface, n: of the vertex. caster: at the first interface; at all interfaces of a short kind. target: the lamp's point, or if
+    `is_distant` the direction to it. wanted: a kind of chain, or NO_CHAIN for all short ones; rates: as for `_kind_of`.
+    last_step2: the greatest squared change of the direction by one more step at a solution: LAST_STEP2, or infinite if d is known
+    to be a solution. u: a random number in [0, 1) for the kind of chain. The interfaces before the last one obey the laws of
+    reflection and refraction at each step; the walk solves for the last one.
     """
     never_inline()
     radius = row(scene.caustics.bound, caster, 4)[3]
-    kind, step, rays = NO_CHAIN, _ONE, 0
+    kind, count, step, rays = wanted, interface_count(wanted), _ONE, 0
     base, move = _BLACK, _BLACK
     at = CasterPoint(_BLACK, _ZERO, _BLACK, _BLACK, _NO, _NO, _ZERO, _BLACK, _BLACK, _BLACK, _BLACK)
     ray = RayDerivatives(d, _BLACK, _BLACK, _BLACK, _BLACK)
@@ -123,44 +162,51 @@ def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted
     found, material = _NO, np.int32(0)
     limit = d
     for iteration in range(_MOST_STEPS):
-        start = offset_ray_origin(surface, vec.dot(n, d) > _ZERO, d)
-        hit = closest_hit(scene.bvh, stack, start, d, _INF, None, _ROOT)
-        rays += 1
-        good = caster_of(scene, hit) == caster
+        start, last_point = offset_ray_origin(surface, vec.dot(n, d) > _ZERO, d), surface.point
+        ray, weight, regular = leave_point(d), (_ONE, _ONE, _ONE), _YES
         first_point, first_u, first_v = _BLACK, _BLACK, _BLACK
-        if good:
+        good, number, crosses = _YES, np.int32(0), _NO
+        while True:
+            hit = closest_hit(scene.bvh, stack, start, ray.d, _INF, None, _ROOT)
+            rays += 1
+            own = caster_of(scene, hit)
+            good = own == caster if number == 0 or kind < LONG else own >= 0
+            if not good:
+                break
             material = material_number(scene, hit.primitive)
-            at = caster_point(scene, start, d, hit)
-            regular = at.regular
-            ray = leave_point(d)
+            at = caster_point(scene, start, ray.d, hit)
+            regular = regular and at.regular
             p_u, p_v = arrive(ray, hit.t, at.geometric)
-            first_point, first_u, first_v = at.point, p_u, p_v
-            if iteration == 0:
-                kind = _kind_of(scene, caster, at, target, is_distant, wanted, rates, u)
-                if kind == NO_CHAIN:
+            if number == 0:
+                first_point, first_u, first_v = at.point, p_u, p_v
+                if iteration == 0 and kind < LONG:
+                    kind = _kind_of(scene, caster, at, target, is_distant, wanted, rates, u)
+                    count = interface_count(kind)
+                    if kind == NO_CHAIN:
+                        break
+                crosses = at.front and scene.caustics.caster[caster, 2] != 0
+            elif kind == THROUGH or count == 2:
+                crosses = crosses and own == caster and not at.front
+                good = crosses if kind == THROUGH else not (crosses and (kind & _SEQUENCE) == THROUGH)
+                if not good:
                     break
             eta = index_of(scene, material, at.front)
-            weight = _absorbed_before(scene, material, at.front, (_ONE, _ONE, _ONE), surface.point, at.point)
-            if kind == THROUGH:
-                good, inner = redirect(ray, p_u, p_v, at, eta, False)
-                good = good and at.front
-                if good:
-                    weight = vec.mul(weight, interface_weight(scene, material, -vec.dot(d, at.normal), eta, False))
-                    inside = leave(at.point, at.error, at.geometric, inner.d)
-                    last_point = at.point
-                    hit = closest_hit(scene.bvh, stack, inside, inner.d, _INF, None, _ROOT)
-                    rays += 1
-                    good = caster_of(scene, hit) == caster
-                    if good:
-                        at = caster_point(scene, inside, inner.d, hit)
-                        good = not at.front
-                        regular = regular and at.regular
-                        ray = inner
-                        p_u, p_v = arrive(ray, hit.t, at.geometric)
-                        eta = index_of(scene, material, at.front)
-                        weight = _absorbed_before(scene, material, at.front, weight, last_point, at.point)
+            weight = _absorbed_before(scene, material, at.front, weight, last_point, at.point)
+            number = np.int32(number + 1)
+            if number == count:
+                break
+            reflects = reflects_at(kind, count - number)
+            weight = vec.mul(weight, interface_weight(scene, material, -vec.dot(ray.d, at.normal), eta, reflects))
+            good, ray = redirect(ray, p_u, p_v, at, eta, reflects)
+            good = good and (at.front or kind != THROUGH)
+            if not good:
+                break
+            start, last_point = leave(at.point, at.error, at.geometric, ray.d), at.point
+        if kind == NO_CHAIN:
+            break
         if good:
-            is_beyond, error2, by_u, by_v = half_vector_step(ray, p_u, p_v, at, eta, kind == REFLECTED, target, is_distant)
+            reflects = reflects_at(kind, 0)
+            is_beyond, error2, by_u, by_v = half_vector_step(ray, p_u, p_v, at, eta, reflects, target, is_distant)
             base = first_point
             move = vec.add(vec.scale(first_u, by_u), vec.scale(first_v, by_v))
             if error2 < _TOLERANCE2:
@@ -187,7 +233,7 @@ def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted
 @device
 def last_out(scene, walk, material):
     """Returns (whether there is such a ray, RayDerivatives of the ray towards the lamp, weight of all interfaces, rgb)."""
-    reflects = walk.kind == REFLECTED
+    reflects = reflects_at(walk.kind, 0)
     exists, out = redirect(walk.ray, walk.p_u, walk.p_v, walk.at, walk.eta, reflects)
     cosine = -vec.dot(walk.ray.d, walk.at.normal)
     own = interface_weight(scene, material, cosine, walk.eta, reflects)

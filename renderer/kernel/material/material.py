@@ -66,6 +66,7 @@ __all__ = [
     "is_specular",
     "look_up_layers",
     "material_of",
+    "material_with",
     "opacity",
     "parameters_at",
     "relative_index",
@@ -191,11 +192,16 @@ def material_of(scene, surface, parameters, frame, layers, time, wavelengths=Non
 
     frame: from `shading_frame`. layers: (LAYER_SLOTS,) float32, which is filled here and referenced by the Material.
     """
-    number = surface.material
-    kind = scene.material_kind[number]
     base, metallic, roughness, ior = parameters
+    kind, eta = scene.material_kind[surface.material], relative_index(ior, surface.front)
+    return material_with(scene, surface, kind, base, metallic, roughness, eta, frame, layers, time, wavelengths)
+
+
+@device
+def material_with(scene, surface, kind, base, metallic, roughness, eta, frame, layers, time, wavelengths):
+    """Returns the Material of one surface from its kind and parameters; otherwise as `material_of`. eta: as in Material."""
+    number = surface.material
     f0, f90 = dielectric_reflectance(scene, number, wavelengths)
-    eta = relative_index(ior, surface.front)
     if kind >= CONDUCTOR:
         seen = surface.shading, surface.uv, surface.uv1
         look_up_layers(scene, number, base, metallic, roughness, *seen, frame, layers, time, wavelengths)

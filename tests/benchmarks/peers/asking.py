@@ -15,12 +15,15 @@ __all__ = ["Peer"]
 
 
 class Peer:
-    """A peer renderer's program in this folder, run by another Python; a context manager that ends the program."""
+    """A peer renderer's program, run by another Python; a context manager that ends the program.
 
-    def __init__(self, python: Path, program: str) -> None:
+    program: the name of its module in `package`.
+    """
+
+    def __init__(self, python: Path, program: str, package: str | None = __package__) -> None:
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed with the block
         self._process = subprocess.Popen(
-            [str(python), "-m", f"{__package__}.{program}"],
+            [str(python), "-m", f"{package}.{program}"],
             cwd=ROOT,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -12,7 +12,7 @@ import numpy as np
 from renderer.film import mean
 from renderer.render import RenderStats, render_frame
 from renderer.scene.compile import compile_scene
-from tests.benchmarks.peers.scenes import DEPTH, Case
+from tests.benchmarks.peers.scenes import Case
 from tests.benchmarks.peers.surroundings import mitsuba_with_llvm
 from tests.peers.mitsuba_scene import mitsuba_dict
 
@@ -43,8 +43,9 @@ class Mitsuba:
 
     def __init__(self, case: Case, pixels: int, sampler: str, folder: Path) -> None:
         self.mi = mitsuba_with_llvm()
-        made = mitsuba_dict(self.mi, case.twin or case.description, case.settings(pixels), folder)
-        made["integrator"] = {"type": "path", "max_depth": DEPTH}
+        settings = case.settings(pixels)
+        made = mitsuba_dict(self.mi, case.twin or case.description, settings, folder)
+        made["integrator"] = {"type": "path", "max_depth": settings.max_depth}
         made["sensor"]["sampler"] = {"type": sampler}
         made = _share_materials(made)
         if case.theirs is not None:

@@ -115,10 +115,13 @@ def geometric_mean(values: Sequence[float]) -> float:
     return math.exp(statistics.fmean(math.log(v) for v in values))
 
 
-def relative_error(picture: np.ndarray, reference: np.ndarray) -> float:
-    """Returns the mean squared error relative to the reference's square, ignoring the 0.1 % of pixels with the largest errors."""
+def relative_error(picture: np.ndarray, reference: np.ndarray, trimmed: float = _TRIMMED) -> float:
+    """Returns the mean squared error relative to the reference's square.
+
+    trimmed: the share of pixels with the largest errors that is left out.
+    """
     truth = reference.astype(np.float64)
     square = np.square(truth).mean(-1)
     each = np.square(picture.astype(np.float64) - truth).mean(-1) / (square + _FLOOR * square.mean())
-    kept = np.sort(each, axis=None)[: max(1, math.ceil(each.size * (1 - _TRIMMED)))]
+    kept = np.sort(each, axis=None)[: max(1, math.ceil(each.size * (1 - trimmed)))]
     return float(kept.mean())

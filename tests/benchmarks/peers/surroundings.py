@@ -1,4 +1,4 @@
-"""Finds the peers: Mitsuba in this environment with the system's LLVM, Embree and Blender in their own environments."""
+"""Finds the peers: Mitsuba in this environment with the system's LLVM, the others in environments of their own."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import farm
 
-__all__ = ["MissingPeerError", "find_llvm", "mitsuba_with_llvm", "python_with_bpy", "python_with_embree"]
+__all__ = ["MissingPeerError", "find_llvm", "mitsuba_with_llvm", "python_with_bpy", "python_with_embree", "python_with_luxcore"]
 
 LEAST_LLVM = 16
 
@@ -56,6 +56,11 @@ def python_with_bpy() -> Path:
 def python_with_embree() -> Path:
     """Returns a Python with Embree: $RAYFARM_EMBREE_PYTHON, or that of .venv-embree, which is created if missing."""
     return _made("RAYFARM_EMBREE_PYTHON", farm.install_embree)
+
+
+def python_with_luxcore() -> Path:
+    """Returns a Python with LuxCore: $RAYFARM_LUXCORE_PYTHON, or that of .venv-luxcore, which is created if missing."""
+    return _made("RAYFARM_LUXCORE_PYTHON", farm.install_luxcore)
 
 
 def _made(variable: str, make: Any) -> Path:

@@ -101,8 +101,8 @@ def test_punctual_lights_and_instances_select_a_larger_variant() -> None:
     assert variant_of(compiled) == "full"
 
 
-@pytest.mark.parametrize("more", [{"integrator": "whitted"}, {"integrator": "ao"}, {"sampling": "bsdf"}])
-def test_rare_kernels_have_one_variant(more: dict[str, str]) -> None:
+@pytest.mark.parametrize("more", [{"integrator": "whitted"}, {"integrator": "ao"}, {"sampling": "bsdf"}, {"caustics": "on"}])
+def test_rare_kernels_have_no_plain_variant(more: dict[str, str]) -> None:
     scene = compile_scene(described(*PLAIN))
     settings = RenderSettings(8, 8, View((0, 0, 5), (0, 0, 0)))
     assert variant_for(settings, scene) == "plain"

@@ -242,6 +242,19 @@ def test_card_frame_by_light_equals_the_cpu_one_until_it_stops(
     card.close()
 
 
+@pytest.mark.long
+def test_card_frame_through_casters_equals_the_cpu_one(library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object("full-caustics", tmp_path)))
+    card = CardRenderer(find_cards(library).usable[0], library)
+    for name in ("casters", "casters by copies"):
+        scene, settings = made(name)
+        of_card, of_cpu = RenderStats(), RenderStats()
+        film = render_frame(scene, settings, 3, stats=of_card, card=card)
+        assert (film == render_frame(scene, settings, 3, stats=of_cpu)).all()
+        assert of_card.rays == of_cpu.rays
+    card.close()
+
+
 def test_few_paths_render_many_samples(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("renderer.cuda.turns._MOST_PATHS", 40)
     scene, settings = made("diffuse")

@@ -31,7 +31,7 @@ from renderer.variant_names import variant_suffix
 from tests.grids import grid
 from tests.renderer.builders import gray
 from tests.renderer.cuda.on_host import launcher
-from tests.renderer.kernel.backends.features import FEATURES, GROUPS, SPECTRAL, grouped, made
+from tests.renderer.kernel.backends.features import CAUSTICS, FEATURES, GROUPS, SPECTRAL, grouped, made
 from tests.renderer.test_transparent_background import FLOOR, over_a_floor, transparent
 
 SPP = 4
@@ -103,6 +103,16 @@ def test_film_by_wavelength_equals_the_cpu_film(name: str, monkeypatch: pytest.M
     wave = run(name)
     film, stats = of_cpu(name)
     assert (wave.film != film).any(0).sum() == 0
+    assert wave.counters[RAYS] == stats.rays
+    assert wave.counters[BAD] == 0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", CAUSTICS)
+def test_light_through_casters_has_the_same_bits(name: str) -> None:
+    wave = run(name)
+    film, stats = of_cpu(name)
+    assert (wave.film == film).all()
     assert wave.counters[RAYS] == stats.rays
     assert wave.counters[BAD] == 0
 

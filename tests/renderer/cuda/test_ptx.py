@@ -15,7 +15,7 @@ from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.kernel.backends.cuda.ptx import InexactError, card_module, check_exact, emit_ptx
 from renderer.kernel.backends.cuda.target import CAPABILITY, PTX_VERSION
 from renderer.kernel.backends.cuda.wavefront import kernels_of
-from renderer.variant_names import base_variant
+from renderer.variant_names import base_variant, has_caustics
 from tests.grids import grid
 from tests.renderer.cuda.on_host import card_module as module_of
 
@@ -25,6 +25,7 @@ BUDGET = {
     "find_camera_media": (768, 128, 200),
     "trace_shadow_rays": (1152, 320, 200),
     "trace_subsurface": (2304, 640, 200),
+    "sample_caustics": (3328, 640, 255),
     "scatter_rare": (1152, 640, 255),
     "shade_misses": (256, 192, 200),
     "end_paths": (256, 64, 64),
@@ -38,9 +39,14 @@ MEASURED = re.compile(
 # Variants with what settings add to them: in the ordinary forms, and the largest.
 WITH_SETTINGS = (
     *("full-spectral", "media-spectral", "linked-spectral", "visibility-spectral", "moving-catchers-spectral"),
-    *("full-guided", "full-paths-groups"),
+    *("full-guided", "full-paths-groups", "full-caustics", "aimed-caustics"),
 )
 OF_WARP = "activemask.b32", "match.any.sync.b32", "shfl.sync.idx.b32"
+
+
+def _kernels(variant: str) -> list[str]:
+    """Returns the names of the kernels of a variant, sorted."""
+    return sorted(kernels_of(KERNEL_VARIANTS[base_variant(variant)], has_caustics(variant)))
 
 
 def ptx_of(body: str, declared: str = "") -> str:
@@ -109,7 +115,7 @@ def test_variant_ptx_has_all_kernels(variant: str) -> None:
     ptx = emit_ptx(module_of(variant).clone())
     assert f".target sm_{CAPABILITY[0]}{CAPABILITY[1]}" in ptx
     assert f".version {PTX_VERSION[0]}.{PTX_VERSION[1]}" in ptx
-    assert sorted(re.findall(r"\.entry (\w+)\(", ptx)) == sorted(kernels_of(KERNEL_VARIANTS[base_variant(variant)]))
+    assert sorted(re.findall(r"\.entry (\w+)\(", ptx)) == _kernels(variant)
     assert all(instruction in ptx for instruction in OF_WARP)
 
 
@@ -125,7 +131,7 @@ def test_registers_and_spills_stay_within_their_budget(variant: str, tmp_path: P
         command = [assembler, f"-arch={architecture}", "-v", str(path), "-o", str(tmp_path / "kernel.cubin")]
         said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
         found = {name: tuple(map(int, used)) for name, *used in MEASURED.findall(said)}
-        assert sorted(found) == sorted(kernels_of(KERNEL_VARIANTS[base_variant(variant)]))
+        assert sorted(found) == _kernels(variant)
         budget = BUDGET | (BY_LIGHT if variant.endswith(("-paths", "-groups")) else {})
         over = {name: used for name, used in found.items() if (np.array(used) > budget.get(name, OTHERS)).any()}
         assert not over, architecture

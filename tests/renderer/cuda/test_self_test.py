@@ -24,6 +24,7 @@ from renderer.cuda.verdicts import (
     run_self_test,
 )
 from renderer.render import kernel_name, variant_for
+from renderer.scene.caustics import caustic_tables
 from renderer.self_test import __main__ as self_test
 from renderer.self_test.compare import judge
 from renderer.self_test.scenes import SCENES, SelfTestScene, scenes_for, settings_for
@@ -61,8 +62,10 @@ def test_each_part_of_a_kernel_has_a_scene() -> None:
     parts = {part for has in KERNEL_VARIANTS.values() for part in has._fields if getattr(has, part)}
     assert {part for scene in SCENES for part in scene.needs} == parts
     assert [scene.name for scene in scenes_for("plain")] == ["surfaces"]
-    assert scenes_for("moving-huang") == list(SCENES)
-    for kernel in ("full-guided", "plain-paths-groups", "media-spectral"):
+    assert scenes_for("moving-huang") == [scene for scene in SCENES if not scene.has_casters]
+    (of_caustics,) = scenes_for("full-caustics")
+    assert caustic_tables(of_caustics.compiled()) is not None
+    for kernel in ("full-caustics", "full-guided", "plain-paths-groups", "media-spectral"):
         (scene, *_), settings = scenes_for(kernel), example_of(kernel)[1]
         assert kernel.endswith(variant_suffix(settings_for(kernel, scene)))
         assert kernel_name(settings, "full") == kernel_name(settings_for(kernel, scene), "full")

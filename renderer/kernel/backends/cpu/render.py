@@ -15,12 +15,13 @@ from renderer.bvh.traverse import new_stack
 from renderer.jit import template
 from renderer.kernel.backends.cpu.accumulate_film import SUMS, accumulate_film, flush_film
 from renderer.kernel.backends.cpu.camera_rays import NextSample, start_paths
+from renderer.kernel.backends.cpu.caustics import add_caustics, sample_caustics
 from renderer.kernel.backends.cpu.intersect import intersect_closest, resolve_shadow_rays, trace_shadow_rays
 from renderer.kernel.backends.cpu.lights import choose_lights
 from renderer.kernel.backends.cpu.lists import ACTIVE, DONE, LIST_SIZE, LISTS, append, clear, length
 from renderer.kernel.backends.cpu.media import list_medium_vertices, sample_free_flights
 from renderer.kernel.backends.cpu.path_trace import next_record_row, radiance_of, record_arrival, record_departure
-from renderer.kernel.backends.cpu.rows import PATHS, ROW, ROWS, group_floats, line_floats
+from renderer.kernel.backends.cpu.rows import PATHS, ROW, ROWS, caustic_floats, group_floats, line_floats
 from renderer.kernel.backends.cpu.scattering import kinds_of_scattering, scatter_vertices
 from renderer.kernel.backends.cpu.spectrum_to_rgb import spectrum_to_rgb
 from renderer.kernel.backends.cpu.subsurface import trace_subsurface
@@ -43,7 +44,7 @@ class Pool(NamedTuple):
 
     alone: Any  # traversal stack of a single ray
     stack: Any  # traversal stacks of all rows: traversal_state.py
-    rows: Any  # ((ROWS + 1) * ROW,) f32: rows.py; behind them the light by group
+    rows: Any  # ((ROWS + 1) * ROW,) f32: rows.py; behind them the light by group, and at the end of it what caustics need
     lists: Any  # (LISTS * LIST_SIZE,) u32: lists.py
     film: Any  # (pixels * SUMS,) i64, zeros before and after: accumulate_film.py; behind them the sums by group
 
@@ -59,7 +60,7 @@ def pool_for(width: int, height: int, planes: int = 0, rows: int = 0) -> Pool:
     Reuse matters: the system clears new memory page by page, which takes as long as rendering one sample per pixel.
     """
     pool: Pool | None = getattr(_kept, "pool", None)
-    sums, floats = width * height * (SUMS + 3 * planes), (ROWS + 1) * int(ROW) + group_floats(rows)
+    sums, floats = width * height * (SUMS + 3 * planes), (ROWS + 1) * int(ROW) + group_floats(rows) + caustic_floats()
     if pool is None or len(pool.film) < sums or len(pool.rows) < floats:
         film, memory = np.zeros(sums, np.int64), line_floats(floats)
         pool = _kept.pool = Pool(new_stack(), new_stacks(), memory, np.zeros(LISTS * LIST_SIZE, np.uint32), film)
@@ -100,6 +101,8 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         if scene.has.media is not None:
             list_medium_vertices(lists)
             trace_subsurface(scene, pool.alone, paths, lists, options)
+        if scene.caustics is not None:
+            rays += sample_caustics(scene, pool.alone, paths, lists, options)
         if lit:
             choose_lights(scene, paths, lists, options)
         clear(lists, ACTIVE)
@@ -107,6 +110,8 @@ def render_with_pool(scene, pool, camera, options, batch, output):
             scatter_vertices(scene, paths, lists, options, lit, _BRANCHES)
         scatter_vertices(scene, paths, lists, options, lit, _SCATTERS)
         rays += trace_shadow_rays(scene, pool.alone, pool.stack, paths, lists, options)
+        if scene.caustics is not None:
+            add_caustics(paths, lists, options)
         if row < len(log):
             record_light(log, row, DIRECT, radiance_of(paths, 0))
             record_departure(paths, lists, log, row, lit)
@@ -120,10 +125,12 @@ def render_with_pool(scene, pool, camera, options, batch, output):
     return bad_count, rays
 
 
-def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, batch: Any, output: Any) -> list[Part]:
+def stages(
+    has: Any, caustics: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, batch: Any, output: Any
+) -> list[Part]:
     """Returns the functions that `render_with_pool` calls, with argument types, for compilation in any order; the slowest first.
 
-    has: the features of the scene. scene: the type of a reference to it.
+    has: the features of the scene. caustics: its CausticTables, or None. scene: the type of a reference to it.
     """
     alone, stack, paths, lists, film = map(typeof, pool)
     view, asked, wanted, lit = typeof(camera), typeof(options), typeof(batch), types.boolean
@@ -133,6 +140,7 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
         if has.media
         else []
     )
+    through_casters = [(sample_caustics, (scene, alone, paths, lists, asked))] if caustics is not None else []
     medium_stack = types.uint32 if has.media else types.none
     bad, scale, number = typeof(output.bad), typeof(options.scale), types.int64
     by_group = types.none
@@ -140,6 +148,7 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
         by_group = typeof((options.groups, options.paths, options.group_rows, np.uintp(0)))
     scattering = [(each, (scene, paths, lists, asked, lit, lit)) for each in kinds_of_scattering(has)]
     return [
+        *through_casters,
         (shade_hits, (scene, paths, lists, asked, lit)),
         (intersect_closest, (scene, alone, stack, paths, lists)),
         *scattering,

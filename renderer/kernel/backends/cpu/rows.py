@@ -22,6 +22,7 @@ from renderer.wide.fields import Flag, Float, Int, Layout, Pair, Vector, accesso
 from renderer.wide.values import as_wide, u32, where
 
 __all__ = [
+    "CAUSTIC_ROW",
     "FIRST_GROUP",
     "LAYOUT",
     "PATHS",
@@ -31,8 +32,10 @@ __all__ = [
     "SPARE",
     "Appearance",
     "Axes",
+    "CausticPath",
     "ChosenLight",
     "DirectLight",
+    "EarlierVertex",
     "Facet",
     "LightDescent",
     "Mapped",
@@ -44,15 +47,19 @@ __all__ = [
     "Traversal",
     "at",
     "camera_stream",
+    "caustic_floats",
+    "caustic_row",
     "column",
     "first_rows",
     "gather",
+    "gather_caustic",
     "group_floats",
     "group_row",
     "last_vertex",
     "line_floats",
     "path_wavelengths",
     "scatter",
+    "scatter_caustic",
     "second_rows",
     "spare_where_not",
     "streams_of",
@@ -207,6 +214,13 @@ class MediumFlight(NamedTuple):
     scatters: Float
 
 
+class EarlierVertex(NamedTuple):
+    """The point and normal, as in LastVertex, of the vertex before a path's current one; only with CausticTables."""
+
+    point: Vector
+    normal: Vector
+
+
 LAYOUT = Layout(
     Ray,
     PathState,
@@ -220,7 +234,7 @@ LAYOUT = Layout(
     Appearance,
     Axes,
     Mapped,
-    (Traversal, LightDescent, MediumFlight),  # the stages that use these never overlap
+    (Traversal, LightDescent, MediumFlight, EarlierVertex),  # the stages that use these never overlap
     Crossings,
 )
 assert LAYOUT.width & (LAYOUT.width - 1), "a power of two would map all rows' groups to the same cache sets"
@@ -246,6 +260,34 @@ def group_row(pool, rows, options):
     if pool.ndim == 2:  # a graphics card's
         first = np.uint32(pool.shape[1]) * _GROUP_ROWS
     return rows * options.group_rows + first
+
+
+class CausticPath(NamedTuple):
+    """What manifold sampling keeps of a path, behind the light by group of all rows; only with CausticTables."""
+
+    chain: Int  # state of its chain (kernel/manifold/chain.py)
+    light: Vector  # sampled at its vertex, to be added after the light of the shadow ray
+
+
+_CAUSTIC_LAYOUT = Layout(CausticPath)
+CAUSTIC_ROW = _CAUSTIC_LAYOUT.width
+assert CAUSTIC_ROW == GROUP_ROW
+gather_caustic, scatter_caustic = accessors(_CAUSTIC_LAYOUT, row_major=True)
+_ALL_ROWS = np.uint32(ROWS + 1)
+
+
+def caustic_floats() -> int:
+    """Returns how many float32 lie behind the paths' rows and their light by group, for the rows of CausticPath."""
+    return (ROWS + 1) * CAUSTIC_ROW
+
+
+@device
+def caustic_row(pool, rows, options):
+    """Returns the row of the CausticPath of the path in one row of the pool or of those in eight, for `gather_caustic`."""
+    first = FIRST_GROUP + _ALL_ROWS * options.group_rows
+    if pool.ndim == 2:  # a graphics card's
+        first = np.uint32(pool.shape[1]) * (_GROUP_ROWS + options.group_rows)
+    return rows + u32(first)
 
 
 def line_floats(count: int) -> npt.NDArray[np.float32]:

@@ -22,6 +22,7 @@ from renderer.kernel.backends.cpu.bsdfs import (
     eval_diffuse_lobe_rare,
     eval_no_lobe,
 )
+from renderer.kernel.backends.cpu.caustics import leave_with_chain
 from renderer.kernel.backends.cpu.lists import (
     ACTIVE,
     CONDUCTOR,
@@ -269,6 +270,11 @@ def scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, 
         _copy_vertices(scene, pool, rows, stream, facet, shading)
         written = second_rows(pool, rows)
         path = with_radiance(path, (none, none, none))
+    if scene.caustics is not None:
+        specular = shading.list == _RARE_SPECULAR
+        if is_lit is None:
+            specular = none == none
+        leave_with_chain(scene, pool, rows, written, specular, bounce, options)
     if scene.has.media is not None or options.has_depths:
         crossings = gather(pool, rows, Crossings)
         crossings = scattering.cross_surface(scene, surface, crossings, bounce, is_surface)

@@ -9,6 +9,7 @@ from renderer.bvh.simd import load_int
 from renderer.bvh.traverse import Hit
 from renderer.jit import device, never_inline, subroutine, template
 from renderer.kernel import vec
+from renderer.kernel.backends.cpu.caustics import arrive_with_chain, chain_of, has_sampled_caustic
 from renderer.kernel.backends.cpu.lists import (
     CONDUCTOR,
     DIFFUSE,
@@ -126,14 +127,18 @@ def shade_miss(scene, pool, rows, options, is_recorded):
         for which in range(len(scene.sun)):
             seen = emitted_by_sun(scene, which, ray, last, path.number, kind, time)
             light = vec.scale(light_at(scene, seen.radiance, wavelengths), hit_weight(ray.pdf, seen.light_pdf))
+            shows = counts
+            if scene.caustics is not None:
+                sun = as_wide(np.uint32(scene.sun[which]), weight)
+                shows = counts & not_(has_sampled_caustic(scene, chain_of(pool, rows, path, options), sun, counts))
             if scene.has.groups is not None:
                 sun = as_wide(np.uint32(scene.sun[which]), weight)
                 group = group_row(pool, rows, options) + group_of_light(scene, sun)
-                add_group_light(pool, group, brought_light(path, light, options), counts)
+                add_group_light(pool, group, brought_light(path, light, options), shows)
             if scene.has.light_paths is not None:
                 first, brought = group_row(pool, rows, options), brought_light(path, light, options)
-                add_path_light(pool, first, options, brought, path.number, ENVIRONMENT, counts)
-            path = add_light(path, light, counts, options)
+                add_path_light(pool, first, options, brought, path.number, ENVIRONMENT, shows)
+            path = add_light(path, light, shows, options)
     if scene.has.reflections is not None and any_of(reflected):
         add_arriving_light(scene, pool, rows, reflected, before, path, options)
     scatter(pool, rows, path)
@@ -210,6 +215,10 @@ def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_
     if scene.has.reflections is not None:
         over = meets & has_flag(scene, surface.material, _CATCHES)
         lit = lit & not_(reflected & (ray.pdf > _ZERO)) & not_(over)  # light samples find it
+    if scene.caustics is not None:
+        chain = chain_of(pool, rows, path, options)
+        lit = lit & not_(has_sampled_caustic(scene, chain, surface.light, lit))
+        arrive_with_chain(scene, pool, rows, chain, through, options)
     if any_of(lit):
         seen = emitted_light(scene, surface, lit, ray, last_vertex(scene, pool, rows), time)
         weight = hit_weight(ray.pdf, seen.light_pdf)

@@ -36,6 +36,7 @@ from renderer.kernel.backends.cpu.bsdfs import (
     eval_no_lobe,
 )
 from renderer.kernel.backends.cpu.camera_rays import start_path
+from renderer.kernel.backends.cpu.caustics import add_caustic, sample_caustic
 from renderer.kernel.backends.cpu.intersect import add_transmitted, add_unoccluded
 from renderer.kernel.backends.cpu.lights import choose_light, numbers_for_light
 from renderer.kernel.backends.cpu.media import sample_free_flight
@@ -127,7 +128,7 @@ class Wave(NamedTuple):
     film: Any  # (planes, h, w) int64, added to, with planes of alpha if these are requested; its size is the tile's
     counters: Any  # (COUNTERS,) int64
     pool: Any  # (columns, 2 * paths) f32; the last row is the spare one, so that there are paths - 1 paths; behind them their
-    # light by group and path, each row's as a whole (renderer/kernel/light_groups.py)
+    # light by group and path, each row's as a whole (renderer/kernel/light_groups.py), and with CausticTables their CausticPath
     lists: Any  # (LISTS, 2 * paths) u32: numbers of rows
     lengths: Any  # (LISTS,) int64: of the lists
     branches: Any  # (paths,) int64: of each path, how many branches have not ended
@@ -294,6 +295,15 @@ def trace_subsurface(job, thread):
 
 
 @subroutine
+def sample_caustics(job, thread):
+    """Samples the light of small lamps through casters at vertices. Threads: 2 * paths; only with CausticTables."""
+    if _is_listed(job, _LIT, thread):
+        stack, layers, spare = local_floats(_STACK), local_floats(LAYER_SLOTS), local_floats(LAYER_SLOTS)
+        rays = sample_caustic(job.scene, stack, job.pool, _row(job, _LIT, thread), layers, spare, job.options)
+        add_atomically(job.counters, _RAYS, np.int64(rays))
+
+
+@subroutine
 def choose_lights(job, thread):
     """Samples a light for each vertex that can use light sampling. Threads: 2 * paths."""
     if _is_listed(job, _LIT, thread):
@@ -390,6 +400,13 @@ def trace_shadow_rays(job, thread):
 
 
 @subroutine
+def add_caustics(job, thread):
+    """Adds the light through casters to the paths at vertices. Threads: 2 * paths; only with CausticTables."""
+    if _is_listed(job, _LIT, thread):
+        add_caustic(job.pool, _row(job, _LIT, thread), job.options)
+
+
+@subroutine
 def end_paths(job, thread):
     """Adds paths of which all branches have ended to the film, and frees their rows. Threads: 2 * paths."""
     if _is_listed(job, _DONE, thread):
@@ -469,12 +486,14 @@ _KERNELS = (
     end_paths,
 )
 _IN_MEDIA = find_camera_media, sample_free_flights, trace_subsurface
+_OF_CAUSTICS = sample_caustics, add_caustics
 
 
-def kernels_of(has: SceneFeatures) -> dict[str, Callable[..., Any]]:
-    """Returns the kernels for scenes with these features, by name."""
+def kernels_of(has: SceneFeatures, caustics: bool = False) -> dict[str, Callable[..., Any]]:
+    """Returns the kernels for scenes with these features, by name. caustics: whether they have CausticTables."""
     in_media = _IN_MEDIA if has.media is not None else ()
-    return {each.__name__: each for each in (*_KERNELS, *in_media, *_scattering(has))}
+    through_casters = _OF_CAUSTICS if caustics else ()
+    return {each.__name__: each for each in (*_KERNELS, *in_media, *through_casters, *_scattering(has))}
 
 
 def scattering_kernels(has: SceneFeatures) -> tuple[list[str], list[str]]:

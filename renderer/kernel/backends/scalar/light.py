@@ -60,7 +60,7 @@ from renderer.kernel.steps.state import LastVertex, with_radiance
 from renderer.kernel.surface.surface import is_emissive
 from renderer.wide.values import lookup, u32
 
-__all__ = ["add_caustic", "add_direct", "add_emission", "add_environment", "has_lights"]
+__all__ = ["add_direct", "add_emission", "add_environment", "caustic_light", "has_lights"]
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _WHITE = (_ONE, _ONE, _ONE)
@@ -215,16 +215,17 @@ def add_direct(
     return path, rays
 
 
-@template
-def add_caustic(scene, stack, vertex, ray, path, last, chain, crossings, options, stream, layers, time, wavelengths):
-    """Samples the light of small lamps through casters at a path's vertex; returns (the path with it added, number of rays).
+@device
+def caustic_light(scene, stack, vertex, ray, path, last, chain, counts, options, stream, layers, time, wavelengths):
+    """Samples the light of small lamps through casters at a path's vertex; returns (what it adds to the path, number of rays).
 
-    last: the LastVertex. chain: the state of the chain that ends at this vertex. layers: as for `meet_photon`.
+    last: the LastVertex. chain: the state of the chain that ends at this vertex. counts: the path's depth counts. layers: as for
+    `meet_photon`.
     """
     is_rivaled = chain == BEGUN and is_met(scene, vertex.surface.material, options)
-    known = ray.roulette_weight, crossings.counts, last, is_rivaled, options, stream
+    known = ray.roulette_weight, counts, last, is_rivaled, options, stream
     caustic = estimate_caustic(scene, stack, vertex, path, *known)
-    sent = meet_photon(scene, stack, vertex, ray, path, crossings.counts, options, stream, layers, time, wavelengths)
+    sent = meet_photon(scene, stack, vertex, ray, path, counts, options, stream, layers, time, wavelengths)
     brought = clamp_indirect(vec.mul(path.throughput, caustic.radiance), caustic.segments, options.clamp)
     sent_on = clamp_indirect(vec.mul(path.throughput, sent.radiance), sent.segments, options.clamp)
-    return with_radiance(path, vec.add(path.radiance, vec.add(brought, sent_on))), caustic.rays + sent.rays
+    return vec.add(brought, sent_on), caustic.rays + sent.rays

@@ -20,7 +20,7 @@ from renderer.kernel.backends.scalar.first_hit import (
     store_first_hit,
     store_reflection,
 )
-from renderer.kernel.backends.scalar.light import add_caustic, add_direct, add_emission, add_environment
+from renderer.kernel.backends.scalar.light import add_direct, add_emission, add_environment, caustic_light
 from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, medium_vertex, reach_surface, subsurface_vertex, surface_vertex
 from renderer.kernel.light_groups import add_group_light, group_of_material, group_of_media
 from renderer.kernel.light_paths import EMISSION, add_path_light, forget_lights, share_after_vertex, store_share
@@ -247,10 +247,10 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
             )
             rays += shadow_rays
             if scene.caustics is not None and is_joined(vertex.material):
-                path, shadow_rays = add_caustic(
-                    scene, stack, vertex, ray, path, last, chain, crossings, options, stream, spare, time, wavelengths
-                )
-                rays += shadow_rays
+                known = vertex, ray, path, last, chain, crossings.counts, options, stream, spare, time, wavelengths
+                light, more = caustic_light(scene, stack, *known)
+                path = with_radiance(path, vec.add(path.radiance, light))
+                rays += more
             record_light(log, row, DIRECT, path.radiance)
         if caught and (scene.has.reflections is None or not catches_reflections(scene, caught, vertex.surface.material)):
             break

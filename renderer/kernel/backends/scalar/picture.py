@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import device, template
-from renderer.kernel.backends.scalar.light import has_lights
 from renderer.kernel.backends.scalar.path import trace_path
 from renderer.kernel.material.material import sample_material
 from renderer.kernel.steps.mis import hit_weight, light_weight
 from renderer.kernel.steps.state import BsdfSample
 
-__all__ = ["trace_picture", "trace_with"]
+__all__ = ["trace_with"]
 
 _ONE = np.float32(1.0)
 
@@ -33,12 +32,9 @@ def _sample_bsdf(scene, vertex, options, choose, u):
 
 
 @template
-def trace_picture(scene, stack, camera, medium_stack, options, log, first):
-    """Traces one sample with the same bits as the pool of paths (renderer/kernel/backends/cpu); see `trace_path`."""
-    return trace_with(scene, stack, camera, medium_stack, options, log, first, has_lights(scene))
-
-
-@template
 def trace_with(scene, stack, camera, medium_stack, options, log, first, lit):
-    """Traces one sample as `trace_picture` does. lit: whether next-event estimation finds anything."""
+    """Traces one sample with the same bits as the pool of paths (renderer/kernel/backends/cpu); see `trace_path`.
+
+    lit: whether next-event estimation finds anything.
+    """
     return trace_path(scene, stack, camera, medium_stack, options, log, first, lit, _weigh_hit, _weigh_light, _sample_bsdf)

@@ -33,7 +33,7 @@ from renderer.scene.readers.strands import Strand, strands_mesh
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, gray, icosphere, square
 
-__all__ = ["FEATURES", "GROUPS", "SIZE", "SPECTRAL", "Feature", "grouped", "made"]
+__all__ = ["CAUSTICS", "FEATURES", "GROUPS", "SIZE", "SPECTRAL", "Feature", "grouped", "made"]
 
 SIZE = 32
 GROUPS = ("key", "sky", "sun-1")
@@ -288,6 +288,22 @@ def caught(*, shadows: bool = True, **more: Any) -> SceneDescription:
     return description
 
 
+def casting(description: SceneDescription) -> SceneDescription:
+    """Returns the scene with a glass ball, a mirror and a closed mesh of glass, and small lamps: a ball, a spot and a sun."""
+    first = len(description.materials)
+    glow = Material(base_color=gray(0.0), emission=gray(300.0))
+    description.materials += [Material(**GLASS), Material(kind="mirror", base_color=gray(0.9)), glow]
+    description.spheres += [Sphere((0.8, 0.4, 1.5), 0.35, first), Sphere((-0.7, 0.3, 1.6), 0.25, first + 1)]
+    description.spheres.append(Sphere((-0.3, 2.8, 1.8), 0.08, first + 2))
+    description.meshes.append(_smooth(icosphere(2, first, 0.3)))
+    description.instances.append(Instance(len(description.meshes) - 1, _moved(0.0, 0.3, 2.0)))
+    description.lights += [
+        Light("spot", gray(20.0), (2.0, 3.0, 2.0), (-0.5, -1.0, -0.2), inner_cone=10.0, outer_cone=40.0, radius=0.02),
+        Light("directional", gray(1.0), direction=(0.3, -1.0, -0.5), angle=2.0, seen="always"),
+    ]
+    return description
+
+
 def _shaped(**keys: int) -> SceneDescription:
     """Returns a scene with lights that have emission maps of all kinds, some of them moving."""
     random = np.random.default_rng(5)
@@ -537,9 +553,46 @@ SPECTRAL = (
 )
 
 
+def _caustics(describe: Callable[[], SceneDescription], **more: Any) -> Feature:
+    return _feature(lambda: casting(describe()), **{"max_depth": 8, "caustics": "on", **more})
+
+
+# Light through casters. The last four ask for the kernels of subsurface scattering, targets, reflections and a moving camera.
+CAUSTICS: dict[str, Feature] = {
+    "casters": _caustics(lambda: room(GRAY)),
+    "casters of glass": _caustics(lambda: room(Material(**GLASS)), splitting=1),
+    "casters by metal and plastic": _caustics(lambda: room(Material(**PBR, metallic=0.5, roughness=0.5))),
+    "casters by a coat on bumps": _caustics(
+        lambda: room(Material(**PBR, **TEXTURED, **COATED, normal_texture=2, clearcoat_normal_texture=2))
+    ),
+    "casters by a brushed metal": _caustics(lambda: room(Material(**GOLD, roughness=0.4, anisotropy=0.7))),
+    "casters by a brushed metal that is even": _caustics(lambda: room(Material(**GOLD, roughness=0.0, anisotropy=0.7))),
+    "casters by rough glass": _caustics(lambda: room(Material(kind="glass", roughness=0.4))),
+    "casters by half clear cards": _caustics(
+        lambda: room(_half_clear(normal_texture=2), cards(2), materials=[Material(**BLEND)])
+    ),
+    "casters by copies": _caustics(lambda: copies(Material(**PBR, roughness=0.4))),
+    "casters by coloured glass": _caustics(
+        lambda: room(Material(**GLASS, attenuation_color=(0.5, 0.9, 0.7), attenuation_distance=0.5))
+    ),
+    "casters, with few bounces": _caustics(lambda: room(GRAY), max_depth=5, diffuse_depth=2, transmission_depth=5),
+    "casters, with a clamp": _caustics(lambda: room(GRAY), clamp_indirect=0.5),
+    "casters, with a fixed roulette": _caustics(lambda: room(GRAY), roulette=0.7, sampler="independent", seed=7),
+    "casters, on nothing": _caustics(lambda: room(GRAY), background="transparent"),
+    "casters by wax": _caustics(
+        lambda: room(Material(base_color=(0.8, 0.6, 0.4), subsurface=1.0, subsurface_radius=(0.2, 0.1, 0.05)))
+    ),
+    "casters by lamps in glass": _caustics(lambda: bulb(GRAY)),
+    "casters on a floor that reflects": _caustics(caught, background="transparent"),
+    "casters for a camera that moves": _caustics(
+        lambda: room(GRAY), views=tuple(replace(VIEW, eye=(x, 1.6, 5.0)) for x in (-0.3, 0.0, 0.4))
+    ),
+}
+
+
 def made(name: str) -> tuple[CompiledScene, RenderSettings]:
     """Returns the scene of that name and its settings."""
-    compiled, settings = FEATURES[name]
+    compiled, settings = FEATURES[name] if name in FEATURES else CAUSTICS[name]
     return compiled(), settings
 
 

@@ -12,7 +12,7 @@ from renderer.film import ALBEDO, CHANNELS, COLOR, SAMPLES, Sums
 from renderer.kernel import accumulate
 from renderer.render import RenderStats, render_frame, variant_for
 from tests.grids import grid
-from tests.renderer.kernel.backends.features import FEATURES, SPECTRAL, made
+from tests.renderer.kernel.backends.features import CAUSTICS, FEATURES, SPECTRAL, made
 
 SPP = 4
 # For these features the single-path kernel is compiled again, which takes longer than all others together. Their pictures from
@@ -81,6 +81,20 @@ def test_spectra_have_the_same_bits_in_both_backends(name: str, monkeypatch: pyt
     if name not in GRIDS:  # where flights, which end at first hits, have wavelengths
         first_hits = slice(ALBEDO.start, CHANNELS)
         np.testing.assert_array_equal(pool[first_hits], in_rgb[first_hits])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", CAUSTICS)
+def test_light_through_casters_has_the_same_bits_in_both_backends(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (pool, of_pool), (one, of_one) = _rendered(name, None), _rendered(name, monkeypatch)
+    np.testing.assert_array_equal(pool, one)
+    assert of_pool.rays == of_one.rays
+    assert (pool[SAMPLES] == SPP).all()
+    scene, settings = made(name)
+    off = render_frame(scene, replace(settings, caustics="off"), SPP)
+    assert (pool[COLOR] != off[COLOR]).any()
+    first_hits = slice(ALBEDO.start, CHANNELS)
+    np.testing.assert_array_equal(pool[first_hits], off[first_hits])
 
 
 def test_the_features_ask_for_all_variants() -> None:

@@ -16,13 +16,25 @@ import renderer.render as rendering
 from renderer.arrays.scene import CompiledScene
 from renderer.bvh.traverse import new_stack
 from renderer.film import COLOR, SAMPLES, Sums, digest
-from renderer.guiding.caustic_photons import brightness_of
+from renderer.guiding.caustic_photons import brightness_of, greatest_irradiance, seeds_of, with_long_chains
 from renderer.kernel.manifold.brightness import BUCKETS, LEVELS, REFINEMENT
-from renderer.kernel.manifold.photons import ALL, FLUX, PHOTON_COLUMNS, PLACE, REFLECTS, follow_caustic_photons
+from renderer.kernel.manifold.photons import (
+    ALL,
+    CASTER,
+    FLUX,
+    INTERFACE,
+    KIND,
+    LONG_COLUMNS,
+    PHOTON_COLUMNS,
+    PLACE,
+    REFLECTS,
+    follow_caustic_photons,
+)
+from renderer.kernel.manifold.walk import LONG
 from renderer.render import render_frame
 from renderer.scene.caustics import caustic_tables, with_caustics
 from renderer.scene.description import Light, Material, Mesh, Sphere
-from renderer.settings import RenderSettings
+from renderer.settings import RenderSettings, Tile
 from tests.renderer.builders import box, emitter, gray, icosphere, scene, settings, square
 
 GLASS = Material(kind="glass", base_color=gray(1.0), ior=1.33)
@@ -75,6 +87,26 @@ def test_light_through_flat_interfaces_matches_closed_form(made: Callable[[], Co
 
 
 @pytest.mark.long
+def test_light_reflected_within_a_pane_matches_closed_form() -> None:
+    """Light is reflected twice or four times within a pane of index 3. A nearly black floor sends none back to it.
+
+    The pane is so wide that what its sides reflect does not matter.
+    """
+    reflectance, thickness = 0.25, 1.0
+    pane = replace(PANE, positions=(PANE.positions * (20, 1, 20)).astype(np.float32))
+    lamp = Light("point", intensity=gray(2500.0), position=(0.0, 2.0, 0.0))
+    compiled = scene([Material(base_color=gray(0.002)), replace(GLASS, ior=3.0)], (FLOOR, pane), lights=(lamp,))
+    distances = [2 + thickness * (1 + more) / 3.0 for more in (0, 2, 4)]
+    parts = [reflectance ** (2 * k) / distance**2 for k, distance in enumerate(distances)]
+    expected = 0.002 / np.pi * 2500 * (1 - reflectance) ** 2 * sum(parts)
+    asked = settings((0.8, -0.5, 0.0), (0.0, -1.0, 0.0), fov=0.1, size=4, max_depth=12, caustics="on")
+    found = pixels(compiled, asked, 512).reshape(-1)
+    assert_mean(found, expected)
+    error = found.std(ddof=1) / np.sqrt(found.size)
+    assert error < expected * parts[1] / sum(parts) / 6  # so that a test without these parts would fail
+
+
+@pytest.mark.long
 def test_mirror_caustic_matches_the_image_of_the_lamp() -> None:
     mirror = square((1, 0, 0), (0, 2, 0), (0, 0, 2), 1)
     compiled = scene([MATT, MIRROR], (FLOOR, mirror), lights=(POINT,))
@@ -108,12 +140,23 @@ def smooth_ball() -> Mesh:
     return replace(ball, normals=unit.astype(np.float32))
 
 
+def hollow_ball() -> Mesh:
+    outer = smooth_ball()
+    unit, faces = outer.normals, outer.triangles
+    assert unit is not None
+    positions = np.concatenate([0.6 * unit, 0.5 * unit]).astype(np.float32)
+    inner = faces[:, ::-1] + len(unit)
+    return replace(outer, positions=positions, normals=np.concatenate([unit, -unit]), triangles=np.concatenate([faces, inner]))
+
+
 HALLS = {
     "sphere": lambda: hall(spheres=(Sphere((-0.3, -0.3, 0), 0.6, 1),)),
     "mesh": lambda: hall(smooth_ball(), spheres=()),
     "mirror": lambda: hall(spheres=(Sphere((-0.3, -0.3, 0), 0.6, 2),)),
     "two": lambda: hall(smooth_ball(), spheres=(Sphere((-1.4, -0.5, 0.3), 0.4, 2), Sphere((1.2, -0.5, 0.5), 0.4, 1))),
     "water": lambda: hall(rippled(), spheres=()),
+    "row": lambda: hall(spheres=(Sphere((-0.7, -0.5, 0), 0.45, 1), Sphere((0.1, 0.9, 0.1), 0.35, 1))),
+    "hollow": lambda: hall(hollow_ball(), spheres=()),
     "facets": lambda: hall(box(1, 0.5, (0, -0.2, 0)), spheres=()),
     "sun": lambda: hall(
         spheres=(Sphere((-0.3, -0.3, 0), 0.6, 1),),
@@ -163,6 +206,20 @@ def test_a_frame_does_not_depend_on_its_batches() -> None:
     whole = render_frame(compiled, asked, 3, threads=1)
     parts = render_frame(compiled, asked, 3, threads=2, stop=lambda sums: False)
     assert digest(whole) == digest(parts)
+
+
+@pytest.mark.long
+def test_a_replay_has_the_light_of_the_film() -> None:
+    compiled = HALLS["two"]()
+    asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), fov=50.0, size=24, caustics="on")
+    for sample in (0, 5):
+        film = rendering.render_batch(compiled, asked, Tile(0, 0, 24, 24), sample, 1).sums
+        for x, y in np.ndindex(24, 24):
+            found = rendering.replay(compiled, asked, x, y, sample)
+            assert found.value is not None
+            assert [int(v * 2.0**asked.film_exponent) for v in found.value] == film[COLOR, y, x].tolist()
+            total = np.sum([np.sum([v.emitted, v.direct, v.beside], axis=0) for v in found.vertices], axis=0)
+            np.testing.assert_allclose(total, found.value, rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.long
@@ -220,12 +277,38 @@ def test_brightness_is_irradiance_relative_to_that_of_casters() -> None:
     photons[:, ALL], photons[:, FLUX] = 2, 1
     photons[:4, REFLECTS] = 1
     buckets = np.repeat(np.arange(LEVELS, dtype=np.int32)[:, None], 20, axis=1)
-    found = brightness_of(photons, buckets, 3.0, np.array([2.0]))
+    found = brightness_of(photons, buckets, 3.0, greatest_irradiance(photons, np.array([2.0])))
     side = 3.0 / REFINEMENT ** (LEVELS - 1)
     assert found.shape == (BUCKETS, 2)
     assert found[0] == pytest.approx([16 / side**2 / (10 / np.pi), 0])
     assert found[LEVELS - 1] == pytest.approx([16 / 9 / (10 / np.pi), 4 / 9 / (10 / np.pi)])
     assert not found[LEVELS:].any()
+
+
+def test_long_chains_are_sampled_where_enough_photons_have_taken_them() -> None:
+    """Five photons are enough for a chain, and for the coarsest of the levels, three are not."""
+    tables = caustic_tables(HALLS["two"]())
+    assert tables is not None
+    sequence, rare = 0b1010, 0b111
+    photons = np.zeros((8, LONG_COLUMNS), np.float32)
+    photons[:, KIND], photons[5:, KIND] = int(LONG) + sequence, int(LONG) + rare
+    photons[:, CASTER], photons[:, FLUX] = 1, (1, 1, 4, 1, 1, 9, 9, 9)
+    photons[:, INTERFACE] = np.arange(8)
+    buckets = np.repeat(np.arange(LEVELS, dtype=np.int32)[:, None], 8, axis=1)
+    found = with_long_chains(tables, photons, buckets, 3.0, 2.0)
+    assert found.long_kind.tolist() == [[1, int(LONG) + sequence]] and found.long_cdf.tolist() == [0, 1]
+    assert np.argwhere(found.is_long).tolist() == [[1, sequence]]
+    assert found.long_light[LEVELS - 1, 0] == pytest.approx(8 / 9 / 2)
+    assert found.long_light[LEVELS - 1, 2:4].tolist() == [0, 2]  # number of the chain, place of its brightest photon
+    assert np.flatnonzero(found.long_light[:, 0]).tolist() == [LEVELS - 1]
+
+
+def test_seeds_are_spread_over_the_photons_of_a_bucket() -> None:
+    buckets = np.array([[5] * 16 + [9] * 2] * LEVELS, np.int32)
+    found = seeds_of(buckets)
+    assert found[5].tolist() == list(range(0, 16, 2))
+    assert found[9].tolist() == [16] * 4 + [17] * 4  # by the coarsest level alone
+    assert (found[:5] == -1).all()
 
 
 def test_tables_list_casters_and_small_lamps_only() -> None:
@@ -237,6 +320,13 @@ def test_tables_list_casters_and_small_lamps_only() -> None:
     assert water is not None and water.caster[0, 2:].tolist() == [0, 1]
     large = scene([MATT, GLASS, emitter(3.0)], (FLOOR,), (Sphere((0, 0, 0), 0.5, 1), Sphere((0, 4, 0), 1.0, 2)))
     assert caustic_tables(large) is None
+
+
+def test_settings_ask_for_caustics_only_where_there_are_some() -> None:
+    asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), caustics="on")
+    assert rendering.settings_as_rendered(asked, HALLS["two"]()) == asked
+    bare = scene([MATT, emitter(3.0)], (FLOOR,), (Sphere((1.0, 2, 0), 0.3, 1),))
+    assert rendering.settings_as_rendered(asked, bare) == replace(asked, caustics="off")
 
 
 def test_caustic_tables_depend_on_every_scene_array() -> None:
