@@ -24,7 +24,17 @@ from renderer.cuda.cards import unused_card
 from renderer.cuda.driver import Card
 from renderer.sentences import Sentence, from_text, to_text
 
-__all__ = ["START_KERNELS", "Verdict", "failure_of", "keep_verdict", "kept_verdict", "kernels_with_verdicts", "run_self_test"]
+__all__ = [
+    "START_KERNELS",
+    "Verdict",
+    "discard_passing_failures",
+    "failed_kernels",
+    "failure_of",
+    "keep_verdict",
+    "kept_verdict",
+    "kernels_with_verdicts",
+    "run_self_test",
+]
 
 START_KERNELS = tuple(KERNEL_VARIANTS)[:2]  # tested before a worker uses a card; the others are tested before their first use
 LIMIT_S = 300.0  # seconds of the test of a kernel; the driver's translation of its PTX takes most of them
@@ -89,7 +99,19 @@ def _verdict_of(done: subprocess.CompletedProcess[str], kernel: str) -> Verdict:
 def keep_verdict(card: Card, kernel: str, ptx: str, verdict: Verdict) -> None:
     """Stores a verdict. If it cannot be written, the kernel is tested again by the next process."""
     path = _path(card)
-    kept = {**_read(path), kernel: [_hash(ptx), to_text(verdict.reason), verdict.is_lasting]}
+    _write(path, {**_read(path), kernel: [_hash(ptx), to_text(verdict.reason), verdict.is_lasting]})
+
+
+def discard_passing_failures(card: Card) -> None:
+    """Deletes a card's failures that may have passed, so that its kernels are tested again before their next use."""
+    path = _path(card)
+    kept = _read(path)
+    lasting = {kernel: entry for kernel, entry in kept.items() if entry[2] or not entry[1]}
+    if len(lasting) < len(kept):
+        _write(path, lasting)
+
+
+def _write(path: Path, kept: dict[str, list[Any]]) -> None:
     beside = path.with_name(f".part-{os.getpid()}-{path.name}")
     with contextlib.suppress(OSError):
         make_private(path.parent)
@@ -104,15 +126,17 @@ def kept_verdict(card: Card, kernel: str, ptx: str) -> Verdict | None:
     return None if entry is None or entry[0] != _hash(ptx) else Verdict(from_text(entry[1]), bool(entry[2]))
 
 
-def failure_of(card: Card, lasting: bool = False) -> str:
-    """Returns the sentence on why a card is not used, of the first kernel with which it failed; "" if it failed with none.
-
-    lasting: only of failures that a further test would repeat.
-    """
-    for _, reason, is_lasting in _read(_path(card)).values():
-        if reason and (is_lasting or not lasting):
+def failure_of(card: Card) -> str:
+    """Returns the sentence on why a card is not used, of the first kernel with which it failed; "" if it failed with none."""
+    for _, reason, _ in _read(_path(card)).values():
+        if reason:
             return unused_card(card, from_text(reason))
     return ""
+
+
+def failed_kernels(card: Card) -> list[str]:
+    """Returns the names of the kernels with which a card failed."""
+    return sorted(kernel for kernel, (_, reason, _) in _read(_path(card)).items() if reason)
 
 
 def kernels_with_verdicts(card: Card) -> list[str]:

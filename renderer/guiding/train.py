@@ -52,7 +52,7 @@ _FOCUSING = (MIRROR, GLASS, CONDUCTOR)  # materials without which `auto` does no
 _RECORDS = 12  # at most, a path, on average
 _OTHER_SEED = 0x9E3779B9  # pilot paths must be independent of the film's
 _MOST_KEPT = 4
-_kept: list[tuple[list[weakref.ref[Any]], RenderSettings, Guide | None]] = []  # of the last images
+_kept: list[tuple[list[weakref.ref[Any]], RenderSettings, Guide | None]] = []  # of the last images: arrays, key, guide
 _lock = threading.Lock()
 
 
@@ -66,9 +66,14 @@ def train_guide(scene: CompiledScene, settings: RenderSettings) -> Guide | None:
 
 
 def _pilot_settings(settings: RenderSettings) -> RenderSettings:
-    """Returns the settings of pilot paths. Images of which these are equal have the same guide."""
+    """Returns the settings of pilot paths."""
     settings = replace(settings, light_groups="", light_paths="off", cryptomatte=0, deep=0, background="visible")
     return replace(settings, seed=settings.seed ^ _OTHER_SEED, sampler="independent", splitting=1)
+
+
+def _key(settings: RenderSettings) -> RenderSettings:
+    """Returns the settings on which an image's guide depends: with the background, which decides how catchers find the sky."""
+    return replace(_pilot_settings(settings), background=settings.background)
 
 
 def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ...], photons: int) -> Guide:
@@ -179,7 +184,7 @@ def is_guide_kept(stored: CompiledScene, settings: RenderSettings) -> bool:
 
 def _find_kept(stored: CompiledScene, settings: RenderSettings) -> tuple[Guide | None] | None:
     """Returns (the guide of an image), if it is kept."""
-    arrays, wanted = list(flat(stored).values()), _pilot_settings(settings)
+    arrays, wanted = list(flat(stored).values()), _key(settings)
     for references, of, guide in _kept:
         if of == wanted and all(each() is array for each, array in zip(references, arrays, strict=True)):
             return (guide,)
@@ -188,7 +193,7 @@ def _find_kept(stored: CompiledScene, settings: RenderSettings) -> tuple[Guide |
 
 def _keep(stored: CompiledScene, settings: RenderSettings, guide: Guide | None) -> Guide | None:
     references = [weakref.ref(array) for array in flat(stored).values()]
-    _kept[:] = [*_kept[1 - _MOST_KEPT :], (references, _pilot_settings(settings), guide)]
+    _kept[:] = [*_kept[1 - _MOST_KEPT :], (references, _key(settings), guide)]
     return guide
 
 

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from renderer.cuda.cards import described, find_cards
-from renderer.cuda.verdicts import START_KERNELS, run_self_test
+from renderer.cuda.verdicts import START_KERNELS, failed_kernels, run_self_test
 from renderer.printable import printable
 from renderer.self_test.compare import judge
 from renderer.self_test.scenes import scenes_for
@@ -22,7 +22,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m renderer.self_test", description="Compares films of graphics cards with those of the processor."
     )
-    parser.add_argument("kernels", nargs="*", metavar="KERNEL", help=f"by default {' '.join(START_KERNELS)}")
+    parser.add_argument(
+        "kernels", nargs="*", metavar="KERNEL", help=f"by default {' '.join(START_KERNELS)} and those that failed"
+    )
     parser.add_argument("--card", type=int, help="the card's number; by default all cards are tested")
     parser.add_argument("--json", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
@@ -33,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     failures = 0
     for card in cards:
-        for kernel in options.kernels or START_KERNELS:
+        for kernel in options.kernels or dict.fromkeys((*START_KERNELS, *failed_kernels(card))):
             if options.json:
                 reason, is_lasting = judge(card, kernel)
                 print(json.dumps([to_text(reason), is_lasting]), flush=True)

@@ -7,7 +7,8 @@ it, each slot that renders the frame does so, to the same bits.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 
@@ -53,16 +54,17 @@ class PathGuides(ArtifactTask[TrainPathGuide]):
     def request_guides(self, jobs: Mapping[str, ActiveJob], kind_for: Callable[[ActiveJob], str | None]) -> None:
         """Requests the guides of the frames that are rendered next, and passes those that were trained on to their frames.
 
+        There is at most one open request per slot, so that many jobs neither fill the queue nor exceed its patience.
         jobs: the active jobs. kind_for: returns the worker kind that renders a job, or None.
         """
         self._hand_over(jobs)
-        for job in jobs.values():
-            if not job.is_guided or job.state not in ("queued", "running") or job.is_done:
-                continue
+        requested = Counter(awaited.kind for awaited in self._awaited.values())
+        for job in _in_order(job for job in jobs.values() if job.is_guided):
             kind = kind_for(job)
             if kind is not None and kind in job.compiled:
-                for frame in self._frames_in_need(job, kind):
+                for frame in self._frames_in_need(job, kind, requested[kind]):
                     self._request_guide(job, frame, kind)
+                    requested[kind] += (job.id, frame.key) in self._awaited
         self._release_unneeded(jobs)
 
     def discard_job(self, job: str) -> None:
@@ -71,18 +73,22 @@ class PathGuides(ArtifactTask[TrainPathGuide]):
             del self._awaited[key]
         super().discard_job(job)
 
-    def _frames_in_need(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
-        """Returns the frames whose guides are requested now: few more than are rendered soon."""
+    def _frames_in_need(self, job: ActiveJob, kind: str, requested: int) -> list[ActiveFrame]:
+        """Returns the frames whose guides are requested now: few more than are rendered soon.
+
+        requested: number of open requests, of all jobs for this kind.
+        """
         slots, turns = self._workers.roster.slots(kind), job.agenda.turns
-        if slots == 0:  # after a restart, until the workers report
+        if requested >= slots:  # also after a restart, until the workers report
             return []
         frames = turns.frames_without_guide(kind, max(1, slots // 2))
         ahead = max(MIN_FRAMES_AHEAD, 2 * slots)
         if not frames or turns.count_ready_before(kind, job.agenda.sort_key(frames[0]), ahead) >= ahead:
             return []
-        return [frame for frame in frames if (job.id, frame.key) not in self._awaited]
+        return [frame for frame in frames if (job.id, frame.key) not in self._awaited][: slots - requested]
 
     def _request_guide(self, job: ActiveJob, frame: ActiveFrame, kind: str) -> None:
+        self.release(job.id, frame.key)  # that of another worker kind, with which the job has not started
         request = TrainPathGuide("", job.id, frame.key, kind, frame.compiled[kind], frame.settings or job.settings)
         try:
             self._awaited[job.id, frame.key] = _Awaited(kind, time.monotonic(), self.request(request))
@@ -91,13 +97,12 @@ class PathGuides(ArtifactTask[TrainPathGuide]):
 
     def _hand_over(self, jobs: Mapping[str, ActiveJob]) -> None:
         for key, awaited in list(self._awaited.items()):
-            job = jobs.get(key[0])
-            frame = job.frames.get(key[1]) if job is not None else None
-            if not awaited.answer.done() and job is not None:
+            if not awaited.answer.done():
                 continue
             del self._awaited[key]
+            job = jobs.get(key[0])
+            frame = job.frames.get(key[1]) if job is not None else None
             if job is None or frame is None:
-                self.discard_job(key[0])
                 continue
             name = Sentence("label-frame", "frame {frame}", frame=frame_text(frame_number(frame.key)))
             try:
@@ -136,3 +141,14 @@ class PathGuides(ArtifactTask[TrainPathGuide]):
 
     def _no_worker_error(self) -> Unavailable:
         return Unavailable(Sentence("path-guide-needs-worker", "No ready worker can train path guides."))
+
+
+def _in_order(jobs: Iterable[ActiveJob]) -> list[ActiveJob]:
+    """Returns the unfinished jobs by priority, then in turn by share, as they are rendered, and by age."""
+    found = [job for job in jobs if job.state in ("queued", "running") and not job.is_done]
+    earlier: Counter[tuple[int, str]] = Counter()
+    turns: dict[str, int] = {}
+    for job in sorted(found, key=lambda job: job.created):
+        turns[job.id] = earlier[job.priority, job.share]
+        earlier[job.priority, job.share] += 1
+    return sorted(found, key=lambda job: (-job.priority, turns[job.id], job.created))

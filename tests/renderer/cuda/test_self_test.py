@@ -11,11 +11,21 @@ import pytest
 
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cuda import verdicts
-from renderer.cuda.cards import find_cards
+from renderer.cuda.cards import Cards, find_cards
 from renderer.cuda.driver import Card
-from renderer.cuda.verdicts import Verdict, failure_of, keep_verdict, kept_verdict, kernels_with_verdicts, run_self_test
+from renderer.cuda.verdicts import (
+    Verdict,
+    discard_passing_failures,
+    failed_kernels,
+    failure_of,
+    keep_verdict,
+    kept_verdict,
+    kernels_with_verdicts,
+    run_self_test,
+)
 from renderer.render import kernel_name, variant_for
 from renderer.scene.caustics import caustic_tables
+from renderer.self_test import __main__ as self_test
 from renderer.self_test.compare import judge
 from renderer.self_test.scenes import SCENES, SelfTestScene, scenes_for, settings_for
 from renderer.sentences import Sentence
@@ -100,7 +110,6 @@ def test_verdict_of_a_process_is_kept(fault: str, said: str, card: Card, monkeyp
     verdict = run_self_test(card, "plain", limit_s=40.0 if fault.startswith("hang") else 300.0)
     assert verdict == (said, not said)
     assert failure_of(card) == (f"Card 0: RTX Test, 8 GiB, compute capability 8.6 is not used: {said}." if said else "")
-    assert failure_of(card, lasting=True) == ""
     assert kernels_with_verdicts(card) == ["plain"]
 
 
@@ -118,6 +127,20 @@ def test_command_compares_both_kernels_of_a_start(card: Card, tmp_path: Path) ->
         assert all(("other bits" if code else "films equal the processor's (surfaces") in line for line in said)
 
 
+def test_command_tests_failed_kernels_again(card: Card, monkeypatch: pytest.MonkeyPatch) -> None:
+    tested: list[str] = []
+
+    def run(card: Card, kernel: str) -> Verdict:
+        tested.append(kernel)
+        return Verdict("", True)
+
+    keep_verdict(card, "media", "ptx", Verdict(BROKEN, False))
+    monkeypatch.setattr(self_test, "find_cards", lambda: Cards([card], []))
+    monkeypatch.setattr(self_test, "run_self_test", run)
+    assert self_test.main([]) == 0
+    assert tested == ["plain", "full", "media"]
+
+
 def test_verdicts_belong_to_card_driver_and_ptx(card: Card) -> None:
     assert kept_verdict(CARD, "plain", "ptx") is None
     keep_verdict(CARD, "plain", "ptx", Verdict("", True))
@@ -128,10 +151,13 @@ def test_verdicts_belong_to_card_driver_and_ptx(card: Card) -> None:
     assert kept is not None
     assert getattr(kept.reason, "code", "") == "card-test-ended"
     assert kernels_with_verdicts(CARD) == ["full", "plain"]
+    assert failed_kernels(CARD) == ["full"]
     said = failure_of(CARD)
     assert said == "Card 0: RTX Test, 8 GiB, compute capability 8.6 is not used: it ended (SIGSEGV)."
     assert getattr(said, "code", "") == "card-unused"
-    assert failure_of(CARD, lasting=True) == ""
+    discard_passing_failures(CARD)
+    assert failure_of(CARD) == ""
+    assert kernels_with_verdicts(CARD) == ["plain"]
     for other in (CARD._replace(driver="575.2 (CUDA 13.0)"), CARD._replace(uuid="02" * 16)):
         assert kept_verdict(other, "plain", "ptx") is None
         assert failure_of(other) == ""

@@ -14,7 +14,7 @@ from renderer.arrays.guide import Guide, empty_guide
 from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.film import CHANNELS, SAMPLES
 from renderer.guiding import train
-from renderer.render import kernel_name, render_frame, settings_as_rendered, variant_for
+from renderer.render import guide_of, kernel_name, render_frame, settings_as_rendered, variant_for
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.description import Material
 from renderer.settings import Tile
@@ -75,6 +75,21 @@ def test_guide_of_another_process_is_not_trained_again(monkeypatch: pytest.Monke
     assert not trained
     train.kept_guide(LIT, replace(AUTO, seed=7), lambda: trained.append(None))
     assert len(trained) == 1, "another image has another guide"
+
+
+def test_image_with_catchers_has_another_guide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Light samples of the sky are for catchers before a transparent background only, so pilot paths differ."""
+    monkeypatch.setattr(train, "_kept", [])
+    trained = _refuse(monkeypatch)
+    catching = scene(
+        [Material(base_color=gray(0.7), shadow_catcher=True)],
+        (square((0, 0, 0), (4, 0, 0), (0, 0, -4), 0),),
+        environment=1.0,
+    )
+    transparent = replace(AUTO, background="transparent")
+    for asked in (AUTO, transparent, AUTO, transparent):
+        guide_of(asked, catching)
+    assert [bool(each.environment_frame[3] > 0) for each in trained] == [False, True]
 
 
 @pytest.mark.parametrize(("guide", "name"), [(None, "plain"), (empty_guide(), "plain-guided")])

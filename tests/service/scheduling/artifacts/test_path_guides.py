@@ -61,6 +61,37 @@ def test_frames_of_a_shot_have_guides_of_their_own_which_are_released(service: S
     until(lambda: not any(blobs.exists(sha256_of(job, frame)) for frame in frames), "the guides are deleted")
 
 
+def test_guides_of_many_jobs_do_not_delay_an_urgent_one(service: Service, worker: PeerWorker) -> None:
+    """As many requests are open as there are slots, so that the guide of a job of higher priority is the next to be trained."""
+    may_end, scene = threading.Event(), service.ready_scene()
+    worker.on_path_guide = lambda work: not may_end.wait(20)
+    jobs = [service.submit(scene, guiding="on") for _ in range(4)]
+    for job in jobs:
+        service.wait_for(job, "running")
+    urgent = service.submit(scene, guiding="on", priority=5)
+    service.wait_for(urgent, "running")
+    may_end.set()
+    for job in (*jobs, urgent):
+        service.wait_for(job, "finished")
+    trained = [work.job for work in worker.path_guides]
+    assert trained.index(urgent) == worker.slots
+    assert sorted(trained) == sorted([*jobs, urgent])
+
+
+@pytest.mark.long
+def test_worker_kinds_do_not_share_guides(service: Service, worker: PeerWorker) -> None:
+    """A larger group of workers of another kind joins while the first guide is trained: it trains its own."""
+    may_end, began = threading.Event(), threading.Event()
+    worker.on_path_guide = lambda work: bool(began.set()) or not may_end.wait(20)
+    job = service.submit(service.ready_scene(), frames="1-2", turntable=2.0, guiding="on")
+    assert began.wait(20)
+    with service.worker(name="other", kind="other-kind", slots=20) as other:
+        until(lambda: len(other.frames) == 2, "the frames are prepared for this kind")
+        may_end.set()
+        service.wait_for(job, "finished")
+    assert sorted(work.frame for work in other.path_guides) == [2, 4]
+
+
 def test_guides_that_cannot_be_trained_are_left_to_the_slots(service: Service, worker: PeerWorker) -> None:
     def fail(work: TrainPathGuide) -> None:
         raise ValueError("there is no disk")
