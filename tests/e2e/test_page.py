@@ -139,9 +139,6 @@ def test_invalid_scene_shows_error_of_service(farm: Farm, watched: Watched) -> N
     chooser.value.set_files([{"name": "notes.txt", "mimeType": "text/plain", "buffer": b"no scene"}])
     alert = page.get_by_role("alert")
     expect(alert).to_contain_text("None of the files is a scene (notes.txt)")
-    button, card = page.get_by_role("button", name="Choose files").bounding_box(), alert.bounding_box()
-    assert button and card
-    assert 0 <= card["y"] - button["y"] - button["height"] < 40, "it is reported where the files were chosen"
     alert.get_by_role("button", name="Dismiss").click()
     expect(alert).to_have_count(0)
 

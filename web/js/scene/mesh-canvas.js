@@ -144,6 +144,8 @@ export class MeshCanvas {
     this.program = null;
     /** By number; the last is white. @type {WebGLTexture[]} */
     this.textures = [];
+    /** Vertices and indices of the mesh. @type {WebGLBuffer[]} */
+    this.buffers = [];
     this.resizing = new ResizeObserver(() => this.invalidate());
     this.resizing.observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
@@ -167,21 +169,28 @@ export class MeshCanvas {
     this.program = program;
     gl.useProgram(program);
     gl.enable(gl.DEPTH_TEST);
-    /** @param {string} name @param {ArrayBufferView<ArrayBuffer>} data @param {number} size @param {number} type */
+    for (const each of this.buffers.splice(0)) gl.deleteBuffer(each); // of an earlier mesh
+    for (const each of this.textures) gl.deleteTexture(each);
+    /** @param {number} target @param {any} data */
+    const fill = (target, data) => {
+      const buffer = gl.createBuffer();
+      this.buffers.push(buffer);
+      gl.bindBuffer(target, buffer);
+      gl.bufferData(target, data, gl.STATIC_DRAW);
+    };
+    /** @param {string} name @param {any} data @param {number} size @param {number} type */
     const attribute = (name, data, size, type) => {
       const at = gl.getAttribLocation(program, name);
-      gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-      gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
+      fill(gl.ARRAY_BUFFER, data);
       gl.enableVertexAttribArray(at);
       gl.vertexAttribPointer(at, size, type, true, type === gl.UNSIGNED_SHORT || type === gl.FLOAT ? 8 : 4, 0);
     };
-    attribute("share", /** @type {any} */ (mesh.positions), 3, gl.UNSIGNED_SHORT);
-    attribute("normal", /** @type {any} */ (mesh.normals), 3, gl.BYTE);
-    attribute("color", /** @type {any} */ (mesh.colors), 4, gl.UNSIGNED_BYTE);
-    if (mesh.uvs) attribute("uv", /** @type {any} */ (mesh.uvs), 2, gl.FLOAT);
+    attribute("share", mesh.positions, 3, gl.UNSIGNED_SHORT);
+    attribute("normal", mesh.normals, 3, gl.BYTE);
+    attribute("color", mesh.colors, 4, gl.UNSIGNED_BYTE);
+    if (mesh.uvs) attribute("uv", mesh.uvs, 2, gl.FLOAT);
     else gl.disableVertexAttribArray(gl.getAttribLocation(program, "uv"));
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, /** @type {any} */ (mesh.indices), gl.STATIC_DRAW);
+    fill(gl.ELEMENT_ARRAY_BUFFER, mesh.indices);
     this.textures = [...(mesh.textures ?? []), null].map(() => whiteTexture(gl));
     mesh.textures?.forEach((arriving, number) => void arriving.then((image) => image && this.mesh === mesh && this.setTexture(number, image)));
     this.invalidate();
