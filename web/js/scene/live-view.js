@@ -145,7 +145,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     );
   };
   const hasMeshFirst = !meanwhile.url || (hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
-  if (hasMeshFirst) showMesh();
+  if (hasMeshFirst || !meanwhile.isFinished) showMesh(); // sharper than a thumbnail
   canvas.classList.toggle("held-back", !hasMeshFirst && (meanwhile.isFinished || (meanwhile.isSame && denoise.request().denoise)));
   const release = () => {
     canvas.classList.remove("held-back");
@@ -232,7 +232,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   /** The light that the exposure is for, without its strength: that is the user's own way to make it brighter. */
   let exposedLight = "";
   /** Brightness of the latest picture that was looked at. */
-  let brightness = { white: 0, mean: 0 };
+  let brightness = { white: 0, bright: 0, mean: 0 };
   /** @param {number} id of the picture */
   const lookForDarkness = (id) => {
     brightness = film.film.brightness();
@@ -420,6 +420,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       ? t("A finger across moves the picture, two zoom.")
       : t("Drag moves the picture, the wheel zooms; Escape goes back to the live view.");
     setText(said, sentence || (instead.isOpen ? ofStage : usual));
+    said.classList.toggle("usual", !sentence);
   };
 
   /** @param {MouseEvent} event @param {(picked: Picked, at: {x: number, y: number}) => void} then */
