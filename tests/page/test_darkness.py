@@ -51,4 +51,6 @@ def test_transparent_background_does_not_darken_a_picture(node: Node) -> None:
         film.samples.fill(1);
         film.coverage = new Uint8Array(4000).fill(255, 2000);
         return film.brightness();"""
-    assert node.call("film/film", body, words.ravel().tolist()) == pytest.approx({"white": 0.5, "bright": 0.5, "mean": 0.5}, rel=1e-3)
+    assert node.call("film/film", body, words.ravel().tolist()) == pytest.approx(
+        {"white": 0.5, "bright": 0.5, "mean": 0.5}, rel=1e-3
+    )

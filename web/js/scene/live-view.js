@@ -145,7 +145,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     );
   };
   const hasMeshFirst = !meanwhile.url || (hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
-  if (hasMeshFirst || !meanwhile.isFinished) showMesh(); // sharper than a thumbnail
+  if (hasMeshFirst) showMesh();
   canvas.classList.toggle("held-back", !hasMeshFirst && (meanwhile.isFinished || (meanwhile.isSame && denoise.request().denoise)));
   const release = () => {
     canvas.classList.remove("held-back");
@@ -266,7 +266,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const noticeLight = ({ environment }) => {
     const { strength: _, rotation: __, ...light } = environment ?? {};
     const text = JSON.stringify(light);
-    if (exposedLight && text !== exposedLight && exposedBy !== "user") exposedBy = "light";
+    if (exposedLight && text !== exposedLight) {
+      if (exposedBy !== "user") exposedBy = "light";
+      if (mesh.kept === null) release(); // the mesh does not show the light
+    }
     exposedLight = text;
   };
   /** @param {boolean} is whether the picture on the page is denoised */
