@@ -221,7 +221,7 @@ class RenderSettings:
         Setting(1, MAX_DEPTH),
         SettingTexts(
             "Max depth",
-            "Most bounces of a light path, plus 1. Higher is brighter in interiors and glass, and slower.",
+            "Longest light path, in segments. Higher is brighter in interiors and glass, and slower.",
             integrators=("path", "whitted"),
             phrase="depth {}",
             usual=(1, 64),
@@ -245,7 +245,7 @@ class RenderSettings:
             "Diffuse depth",
             "Most bounces off matte surfaces, within max depth.",
             integrators=("path",),
-            off=Sentence("setting-off-max-depth", "as many as max depth"),
+            off=Sentence("setting-off-max-depth", "as max depth"),
             phrase="diffuse {}",
         ),
     ] = 0
@@ -256,7 +256,7 @@ class RenderSettings:
             "Glossy depth",
             "Most bounces off mirrors and glossy surfaces, within max depth.",
             integrators=("path",),
-            off=Sentence("setting-off-max-depth", "as many as max depth"),
+            off=Sentence("setting-off-max-depth", "as max depth"),
             phrase="glossy {}",
         ),
     ] = 0

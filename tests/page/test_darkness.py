@@ -26,18 +26,21 @@ def test_dark_film_is_detected_as_in_python(node: Node, scale: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("white", "mean", "stops"),
+    ("white", "bright", "mean", "stops"),
     [
-        (2.0, 0.3, 0),  # a lamp is seen, and the rest is well exposed
-        (1.0, 0.01, 1.5),  # a lamp in a dark room: brighter, but not without limit
-        (0.5, 0.02, 2.5),  # a low sun
-        (0.65, 0.35, 0.5),  # nothing is white
-        (0.0, 0.0, 0),  # black: no exposure helps
-        (2**-10, 2**-11, 10),
+        (2.0, 1.0, 0.3, 0),  # a lamp is seen, and the rest is well exposed
+        (1.0, 0.05, 0.01, 1.5),  # a lamp in a dark room: brighter, but not without limit
+        (0.5, 0.3, 0.02, 2.5),  # a low sun
+        (0.95, 0.6, 0.35, 0.75),  # sunlit surfaces are grey, under a small highlight
+        (0.0, 0.0, 0.0, 0),  # black: no exposure helps
+        (2**-10, 2**-10, 2**-11, 10),
     ],
 )
-def test_automatic_exposure_brightens_dark_and_dull_pictures(node: Node, white: float, mean: float, stops: float) -> None:
-    assert node.call("film/darkness", "return m.autoExposure(a);", {"white": white, "mean": mean}) == stops
+def test_automatic_exposure_brightens_dark_and_dull_pictures(
+    node: Node, white: float, bright: float, mean: float, stops: float
+) -> None:
+    found = node.call("film/darkness", "return m.autoExposure(a);", {"white": white, "bright": bright, "mean": mean})
+    assert found == stops
 
 
 def test_transparent_background_does_not_darken_a_picture(node: Node) -> None:
@@ -48,4 +51,6 @@ def test_transparent_background_does_not_darken_a_picture(node: Node) -> None:
         film.samples.fill(1);
         film.coverage = new Uint8Array(4000).fill(255, 2000);
         return film.brightness();"""
-    assert node.call("film/film", body, words.ravel().tolist()) == pytest.approx({"white": 0.5, "mean": 0.5}, rel=1e-3)
+    assert node.call("film/film", body, words.ravel().tolist()) == pytest.approx(
+        {"white": 0.5, "bright": 0.5, "mean": 0.5}, rel=1e-3
+    )

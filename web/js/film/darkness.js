@@ -22,15 +22,14 @@ export function darkness({ white }) {
 }
 
 /**
- * Returns the stops that make a dark or dull film well exposed: its brightest pixels white, and a mean that is still dark brighter.
- * Half stops, rounded down; 0 for a film that is bright enough, or black.
+ * Returns the stops that make a dark or dull film well exposed: its bright surfaces white, and a mean that is still dark brighter.
+ * Quarters of stops; 0 for a film that is bright enough, or black.
  *
  * @param {Brightness} film
  * @returns {number}
  */
-export function autoExposure({ white, mean }) {
+export function autoExposure({ white, bright, mean }) {
   if (white <= 0) return 0;
-  const normalising = -Math.log2(white);
-  const exposure = Math.max(normalising, Math.min(Math.log2(GREY / mean), normalising + OVER));
-  return Math.max(0, Math.floor(2 * exposure) / 2);
+  const wanted = Math.max(Math.log2(GREY / mean), bright > 0 ? -Math.log2(bright) : 0);
+  return Math.max(0, Math.round(4 * Math.min(wanted, OVER - Math.log2(white))) / 4);
 }

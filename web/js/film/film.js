@@ -6,8 +6,8 @@ import { decode } from "./rgb9e5.js";
 
 /** Approximate number of pixels whose brightness is looked at: enough for a percentile, and fast at 8k. */
 const BRIGHTNESS_PIXELS = 100_000;
-/** The brightest 0.5 % (lamps, fireflies) may clip. */
-const WHITE_QUANTILE = 0.995;
+/** The brightest 0.5 % (lamps, fireflies) may clip. The brightest 3 % are lit surfaces where there is sun. */
+const [WHITE_QUANTILE, BRIGHT_QUANTILE] = [0.995, 0.97];
 
 export class Film {
   /**
@@ -123,13 +123,14 @@ export class Film {
   }
 
   /**
-   * Returns the radiance that all but the brightest pixels stay below, and the mean luminance of the pixels, none counted above that
-   * radiance; both are 0 while the film is black. A transparent background does not count.
+   * Returns the radiances that all but the brightest 0.5 % and 3 % of the pixels stay below (WHITE_QUANTILE, BRIGHT_QUANTILE), and the
+   * mean luminance, no pixel counted above the first; all are 0 while the film is black. A transparent background does not count.
    *
-   * @returns {{white: number, mean: number}}
+   * @returns {{white: number, bright: number, mean: number}}
    */
   brightness() {
     const stride = Math.max(1, Math.floor(this.words.length / BRIGHTNESS_PIXELS));
+    /** @type {number[]} */
     const peaks = [];
     const luminances = [];
     for (let i = 0; i < this.words.length; i += stride) {
@@ -139,8 +140,8 @@ export class Film {
       luminances.push(0.2126 * r + 0.7152 * g + 0.0722 * b);
     }
     peaks.sort((a, b) => a - b);
-    const white = peaks[Math.floor((peaks.length - 1) * WHITE_QUANTILE)] ?? 0;
-    return { white, mean: luminances.reduce((sum, each) => sum + Math.min(each, white), 0) / Math.max(luminances.length, 1) };
+    const [white = 0, bright = 0] = [WHITE_QUANTILE, BRIGHT_QUANTILE].map((part) => peaks[Math.floor((peaks.length - 1) * part)]);
+    return { white, bright, mean: luminances.reduce((sum, each) => sum + Math.min(each, white), 0) / Math.max(luminances.length, 1) };
   }
 
   /**

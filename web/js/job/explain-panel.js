@@ -18,13 +18,13 @@ import { t } from "../base/words.js";
 /** @type {Record<string, string>} */
 const ENDS = {
   missed: t("It left the scene."),
-  absorbed: t("Nothing was left of its light."),
+  absorbed: t("All its light was absorbed."),
   roulette: t("Russian roulette ended it."),
   depth: t("It has as many segments as the settings allow."),
   diffuse: t("It has as many diffuse bounces as the settings allow."),
   glossy: t("It has as many glossy bounces as the settings allow."),
   transmission: t("It has passed as much glass as the settings allow."),
-  caught: t("It left too many surfaces without getting on."),
+  caught: t("It met too many surfaces at one place."),
   unlit: t("The material scatters no light."),
   passed: t("It passed too many transparent surfaces."),
 };
@@ -188,7 +188,7 @@ function shareOf({ samples, mean }, path) {
 function verdict({ samples, mean, equals_film: equals, worker }) {
   if (!samples) return t("The pixel has no samples yet; its first one is shown.");
   const said = t("{n} samples followed again by {worker}; their mean is {mean}.", { n: count(samples), worker: worker ?? "?", mean: listed(mean) });
-  return `${said} ${equals === true ? t("Their sum is the film's to the bit.") : equals === false ? t("Their sum is not the film's: the film or the scene has changed.") : ""}`;
+  return `${said} ${equals === true ? t("Their sum equals that of the picture exactly.") : equals === false ? t("Their sum differs from that of the picture: the picture or the scene has changed.") : ""}`;
 }
 
 /** @param {PixelPath} path @param {(chosen: number | null) => void} look */

@@ -232,7 +232,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   /** The light that the exposure is for, without its strength: that is the user's own way to make it brighter. */
   let exposedLight = "";
   /** Brightness of the latest picture that was looked at. */
-  let brightness = { white: 0, mean: 0 };
+  let brightness = { white: 0, bright: 0, mean: 0 };
   /** @param {number} id of the picture */
   const lookForDarkness = (id) => {
     brightness = film.film.brightness();
@@ -266,7 +266,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const noticeLight = ({ environment }) => {
     const { strength: _, rotation: __, ...light } = environment ?? {};
     const text = JSON.stringify(light);
-    if (exposedLight && text !== exposedLight && exposedBy !== "user") exposedBy = "light";
+    if (exposedLight && text !== exposedLight) {
+      if (exposedBy !== "user") exposedBy = "light";
+      if (mesh.kept === null) release(); // the mesh does not show the light
+    }
     exposedLight = text;
   };
   /** @param {boolean} is whether the picture on the page is denoised */
@@ -420,6 +423,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       ? t("A finger across moves the picture, two zoom.")
       : t("Drag moves the picture, the wheel zooms; Escape goes back to the live view.");
     setText(said, sentence || (instead.isOpen ? ofStage : usual));
+    said.classList.toggle("usual", !sentence);
   };
 
   /** @param {MouseEvent} event @param {(picked: Picked, at: {x: number, y: number}) => void} then */

@@ -170,7 +170,7 @@ export function jobsView() {
     notice,
     bar.element,
     // Rows are list items that contain their labels for screen readers; the column heads are visual only.
-    h("div", { class: "list-head", "aria-hidden": "true" }, ["", t("Picture"), t("Name"), t("Status"), t("Progress"), t("Samples"), t("By"), t("Age"), ""].map((head) => h("span", null, head))),
+    h("div", { class: "list-head", "aria-hidden": "true" }, ["", t("Picture"), t("Name"), t("Status"), t("Progress, time"), t("Samples"), t("By"), t("Age"), ""].map((head) => h("span", null, head))),
     rows.element,
     empty,
     said,
