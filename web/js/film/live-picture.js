@@ -23,6 +23,7 @@ import { t } from "../base/words.js";
  * @property {LiveFilm} live
  * @property {() => import("./picture-side.js").PictureSide | null} side the one that is not denoised
  * @property {import("./film.js").Film} film
+ * @property {() => import("./film.js").Film} shown the denoised film if the stage shows that, else the film
  * @property {(job: Job) => void} update
  * @property {(listener: (outlines: import("./pixel-overlay.js").Outline[]) => void) => void} onHands calls the listener with the tiles that workers are rendering
  * @property {() => void} renew fetches the shown pictures again if they are older than the film
@@ -87,6 +88,7 @@ export function livePicture(job, display, life, changed, frame) {
     live,
     side: () => stage.side(0),
     film: live.film,
+    shown: () => stage.side(1)?.film ?? live.film,
     update(next) {
       latest = next;
       outline();
