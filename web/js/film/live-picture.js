@@ -72,6 +72,7 @@ export function livePicture(job, display, life, changed, frame) {
       const mixed = look.channel === "" && isMixed(look.mix);
       const denoised = look.denoise !== "off" && look.channel === "" && !mixed;
       stage.view?.setLook(look);
+      stage.view?.poster?.element.classList.toggle("smooth", denoised && !live.clean);
       stage.arrange({
         left: mixed ? { live, channel: MIX, mix: look.mix } : { live, channel: look.channel, name: look.channel === "" ? t("Raw") : undefined },
         right: denoised ? { live, channel: DENOISED } : null,
