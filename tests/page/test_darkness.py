@@ -38,3 +38,14 @@ def test_dark_film_is_detected_as_in_python(node: Node, scale: float) -> None:
 )
 def test_automatic_exposure_brightens_dark_and_dull_pictures(node: Node, white: float, mean: float, stops: float) -> None:
     assert node.call("film/darkness", "return m.autoExposure(a);", {"white": white, "mean": mean}) == stops
+
+
+def test_transparent_background_does_not_darken_a_picture(node: Node) -> None:
+    """Half of the pixels are covered and evenly lit: their brightness alone is the picture's."""
+    words = rgbe9995.pack(np.repeat(np.float32([0.0, 0.5]), 2000)[:, None].repeat(3, axis=1)[None])
+    body = """
+        const film = new m.Film(4000, 1, new Uint32Array(a));
+        film.samples.fill(1);
+        film.coverage = new Uint8Array(4000).fill(255, 2000);
+        return film.brightness();"""
+    assert node.call("film/film", body, words.ravel().tolist()) == pytest.approx({"white": 0.5, "mean": 0.5}, rel=1e-3)

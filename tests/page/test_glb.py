@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import io
+import json
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -119,3 +121,51 @@ def test_compressed_file_is_left_to_service(node: Node, model: bytes) -> None:
     plain = b'"buffer":0'
     assert plain in model
     assert read_in_page(node, model.replace(plain, b'"buffer":1')) is None
+
+
+def test_parts_of_one_table_of_vertices_are_drawn_by_texture(node: Node) -> None:
+    """Primitives that share a table have their own vertices alone, and those with the same texture are one part."""
+    table = np.random.default_rng(3).uniform(size=(3000, 3)).astype("<f4")
+    image = io.BytesIO()
+    Image.new("RGB", (2, 2)).save(image, "png")
+    blobs = [table.tobytes(), table[:, :2].tobytes(), np.arange(9, dtype="<u4").tobytes(), image.getvalue()]
+    starts = np.cumsum([0, *map(len, blobs)]).tolist()
+    attributes = {"POSITION": 0, "TEXCOORD_0": 1}
+    gltf = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": 2 + i, "material": i % 2} for i in range(3)]}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, {}],
+        "textures": [{"source": 0}],
+        "images": [{"bufferView": 3, "mimeType": "image/png"}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": len(table)},
+            {"bufferView": 1, "componentType": 5126, "type": "VEC2", "count": len(table)},
+            *({"bufferView": 2, "byteOffset": 12 * i, "componentType": 5125, "type": "SCALAR", "count": 3} for i in range(3)),
+        ],
+        "bufferViews": [{"buffer": 0, "byteOffset": a, "byteLength": len(b)} for a, b in zip(starts, blobs, strict=False)],
+        "buffers": [{"byteLength": starts[-1]}],
+    }
+    text = json.dumps(gltf).encode()
+    text += b" " * (-len(text) % 4)
+    data = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", starts[-1], b"BIN\0") + b"".join(blobs)
+    packet = read_in_page(node, struct.pack("<4s2I", b"glTF", 2, 12 + len(data)) + data)["packet"]
+    assert packet["vertices"] == 9
+    assert [(part["texture"], part["count"]) for part in packet["parts"]] == [(0, 6), (-1, 3)]
+    found = positions(packet)[packet["indices"]]
+    np.testing.assert_allclose(found, table[[0, 1, 2, 6, 7, 8, 3, 4, 5]], atol=1e-4)
+
+
+@pytest.mark.parametrize("perspective", [{}, {"yfov": 0}, {"yfov": 4}])
+def test_invalid_camera_is_left_out(node: Node, model: bytes, perspective: dict[str, float]) -> None:
+    (length,) = struct.unpack_from("<I", model, 12)
+    gltf = json.loads(model[20 : 20 + length])
+    gltf["cameras"] = [{"type": "perspective", "perspective": perspective}]
+    gltf["nodes"][0]["camera"] = 0
+    text = json.dumps(gltf).encode()
+    text += b" " * (-len(text) % 4)
+    data = struct.pack("<I4s", len(text), b"JSON") + text + model[20 + length :]
+    found = read_in_page(node, struct.pack("<4s2I", b"glTF", 2, 12 + len(data)) + data)
+    assert found["view"] == read_in_page(node, model)["view"]

@@ -106,3 +106,34 @@ def test_kept_picture_serves_near_cameras(node: Node) -> None:
     )
     assert (same, far) == (0, 1)
     assert 0 < zoomed < 1
+
+
+def test_reading_is_given_up_when_it_takes_long_or_the_service_refuses(node: Node) -> None:
+    """The service's mesh does not wait for the page's own, and the worker ends."""
+    mesh = Mesh(np.eye(3), np.eye(3, dtype=np.float32), np.uint8([[1, 2, 3, 255]] * 3), np.uint32([[0, 1, 2]]), None)
+    body = """
+        const known = { fetch, setTimeout, Worker: globalThis.Worker };
+        const ended = [];
+        let begun = () => {};
+        globalThis.Worker = class { postMessage() { begun(); } terminate() { ended.push(this); } }; // it never answers
+        globalThis.setTimeout = (run, ms, ...rest) => known.setTimeout(run, ms / 1000, ...rest);
+        const info = { formats: [".obj"] };
+        globalThis.fetch = async (url) => (url.includes("preview") ? new Response(new Uint8Array(a)) : Response.json(info));
+        try {
+            const { keepLocal, readLocally } = await read("/js/news/local-mesh.js");
+            const files = [{ path: "a.obj", file: { size: 9 } }];
+            const own = readLocally(files, new AbortController().signal);
+            keepLocal("s", own);
+            const { triangles } = await m.meshOf("s");
+            const given = [await own, ended.length];
+            globalThis.setTimeout = known.setTimeout;
+            const refused = new AbortController();
+            const isBegun = new Promise((done) => (begun = done));
+            const second = readLocally(files, refused.signal);
+            await isBegun;
+            refused.abort();
+            return [triangles, ...given, await second, ended.length];
+        } finally {
+            Object.assign(globalThis, known);
+        }"""
+    assert node.call("scene/preview-mesh", body, list(encode_mesh(mesh))) == [1, None, 1, None, 2]

@@ -124,7 +124,7 @@ export class Film {
 
   /**
    * Returns the radiance that all but the brightest pixels stay below, and the mean luminance of the pixels, none counted above that
-   * radiance; both are 0 while the film is black.
+   * radiance; both are 0 while the film is black. A transparent background does not count.
    *
    * @returns {{white: number, mean: number}}
    */
@@ -133,7 +133,7 @@ export class Film {
     const peaks = [];
     const luminances = [];
     for (let i = 0; i < this.words.length; i += stride) {
-      if (!this.samples[i]) continue;
+      if (!this.samples[i] || this.coverage?.[i] === 0) continue;
       const [r, g, b] = decode(this.words[i] ?? 0);
       peaks.push(Math.max(r, g, b));
       luminances.push(0.2126 * r + 0.7152 * g + 0.0722 * b);

@@ -41,20 +41,22 @@ export function nodesOf(file) {
     for (let at = first; at + header <= last; ) {
       const end = size(at);
       if (!end || depth > MOST_DEPTH) break; // an empty node ends a list
-      if (end <= at || end > file.length) throw new RangeError("cut off");
       const [count, bytes, length] = [size(at + step), size(at + 2 * step), view.getUint8(at + 3 * step)];
       const values = at + header + length;
-      found.push({ name: text(at + header, length), values: valuesAt(values, count), children: read(values + bytes, end, depth + 1) });
+      const children = values + bytes;
+      if (children > end || end > last) throw new RangeError("a node is larger than the one around it"); // each byte is read once a level
+      found.push({ name: text(at + header, length), values: valuesAt(values, count, children), children: read(children, end, depth + 1) });
       at = end;
     }
     return found;
   };
-  /** @param {number} first @param {number} count @returns {Value[]} */
-  const valuesAt = (first, count) => {
+  /** @param {number} first @param {number} count @param {number} last @returns {Value[]} */
+  const valuesAt = (first, count, last) => {
     let at = first;
     /** @type {Value[]} */
     const found = [];
     for (let i = 0; i < count; i++) {
+      if (at >= last) throw new RangeError("cut off");
       const kind = String.fromCharCode(view.getUint8(at++));
       const number = { Y: () => view.getInt16(at, true), I: () => view.getInt32(at, true), F: () => view.getFloat32(at, true), D: () => view.getFloat64(at, true) }[kind];
       if (number) {

@@ -20,8 +20,16 @@ import { orbitView } from "./shapes.js";
 
 const ORDERS = ["xyz", "xzy", "yzx", "yxz", "zxy", "zyx"];
 const MOST_DEPTH = 256;
+const MOST_CORNERS = 30_000_000; // of all triangles before they are decimated, each instance of a mesh with its own
 const [INCH, CENTIMETRES] = [25.4, 100];
 const DIRECTIONAL = 1; // light type
+
+/** Adds a value to the list of a key. @template V @param {Map<string, V[]>} lists @param {string} key @param {V} value */
+function append(lists, key, value) {
+  const list = lists.get(key);
+  if (list) list.push(value);
+  else lists.set(key, [value]);
+}
 
 /** The objects of a file, and how they are connected. */
 class Scene {
@@ -35,14 +43,18 @@ class Scene {
     this.parents = new Map();
     /** @type {Map<string, number[]>} of the models, to world space */
     this.worlds = new Map();
+    /** @type {Map<string, string | undefined>} */
+    this.finestOf = new Map();
+    /** Images in the file, by their bytes. @type {Map<Uint8Array, Picture>} */
+    this.pictures = new Map();
     this.settings = propertiesOf(nodes.find(({ name }) => name === "GlobalSettings"));
     this.root = rootOf(this.settings);
     for (const node of nodes.find(({ name }) => name === "Objects")?.children ?? [])
       this.things.set(String(node.values[0]), { node, kind: String(node.values[2]), properties: propertiesOf(node) });
     for (const { values } of nodes.find(({ name }) => name === "Connections")?.children ?? []) {
       const [child, parent] = [String(values[1]), String(values[2])];
-      this.children.set(parent, [...(this.children.get(parent) ?? []), { id: child, property: String(values[3] ?? "") }]);
-      this.parents.set(child, [...(this.parents.get(child) ?? []), parent]);
+      append(this.children, parent, { id: child, property: String(values[3] ?? "") });
+      append(this.parents, child, parent);
     }
   }
 
@@ -80,8 +92,13 @@ class Scene {
     if (properties?.get("Visibility")?.[0] === 0 || properties?.get("Show")?.[0] === 0) return false;
     const parent = this.above(id);
     if (parent === undefined || depth > MOST_DEPTH) return true;
-    const isCoarse = this.below(parent, "NodeAttribute", "LodGroup").length > 0 && this.below(parent, "Model")[0]?.[0] !== id;
-    return !isCoarse && this.isShown(parent, depth + 1);
+    return [undefined, id].includes(this.finest(parent)) && this.isShown(parent, depth + 1);
+  }
+
+  /** @param {string} id @returns {string | undefined} the one model that is shown of a group with levels of detail; undefined for other models */
+  finest(id) {
+    if (!this.finestOf.has(id)) this.finestOf.set(id, this.below(id, "NodeAttribute", "LodGroup").length ? this.below(id, "Model")[0]?.[0] : undefined);
+    return this.finestOf.get(id);
   }
 }
 
@@ -99,6 +116,7 @@ export async function readFbx(file, picture, most) {
   const materials = new Map();
   /** @type {Part[]} */
   const parts = [];
+  let corners = 0;
   let isStill = !scene.all("AnimationCurve").length;
   for (const [id] of scene.all("Model")) {
     if (!scene.isShown(id)) continue;
@@ -107,6 +125,8 @@ export async function readFbx(file, picture, most) {
       const shapes = await shapesOf(thing.node, await placing(scene, id, geometry));
       const slots = scene.below(id, "Material");
       for (const [slot, shape] of shapes) {
+        corners += shape.indices.length;
+        if (corners > MOST_CORNERS) return null;
         const [key, material] = slots[slot] ?? ["", undefined];
         if (!materials.has(key)) materials.set(key, material ? materialOf(scene, key, material, picture) : Promise.resolve({ color: GREY, image: null }));
         const { color, image } = await /** @type {Promise<Material>} */ (materials.get(key));
@@ -167,10 +187,13 @@ async function placing(scene, model, geometry) {
   const skin = scene.below(geometry, "Deformer", "Skin")[0]?.[0];
   if (skin === undefined) return { matrix, joints: [] };
   const joints = [];
+  let weighted = 0;
   for (const [cluster, { node }] of scene.below(skin, "Deformer", "Cluster")) {
     const bone = scene.below(cluster, "Model")[0]?.[0];
     const [indices, weights, transform] = [await arrayOf(node, "Indexes"), await arrayOf(node, "Weights"), await arrayOf(node, "Transform")];
-    if (bone !== undefined && indices && weights && transform) joints.push({ indices, weights, matrix: product(scene.world(bone), product([...transform], own)) });
+    weighted += Math.max(indices?.length ?? 0, weights?.length ?? 0);
+    if (weighted > MOST_CORNERS) throw new RangeError("too many weights"); // a file may name a cluster any number of times
+    if (bone !== undefined && indices && weights && transform?.length === 16) joints.push({ indices, weights, matrix: product(scene.world(bone), product([...transform], own)) });
   }
   return { matrix, joints };
 }
@@ -298,7 +321,11 @@ async function imageOf(scene, texture, picture) {
   const named = names.filter((name) => typeof name === "string" && name !== "").map(String);
   const content = childOf(video, "Content")?.values[0];
   const type = pictureType(named[0] ?? "");
-  if (content instanceof Uint8Array && content.length && type) return { bytes: content, type };
+  if (content instanceof Uint8Array && content.length && type) {
+    const found = scene.pictures.get(content) ?? { bytes: content, type };
+    scene.pictures.set(content, found);
+    return found;
+  }
   for (const name of named) {
     const found = await picture(name);
     if (found) return found;

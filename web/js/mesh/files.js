@@ -68,14 +68,41 @@ export async function filesOf(given) {
   const [only, ...others] = given;
   if (only && !others.length && only.path.toLowerCase().endsWith(".zip")) return zipOf(only.file);
   const byName = new Map(given.map(({ path, file }) => [path, file]));
-  return { names: [...byName.keys()], read: async (name) => new Uint8Array(await /** @type {File} */ (byName.get(name)).arrayBuffer()) };
+  return readOnce(byName, async (file) => new Uint8Array(await file.arrayBuffer()));
+}
+
+/**
+ * Returns files that are each read once, however often others name them, and together not more than this page may hold.
+ *
+ * @template {{size: number}} F
+ * @param {Map<string, F>} byName
+ * @param {(file: F) => Promise<Uint8Array<ArrayBuffer>>} load
+ * @returns {Files}
+ */
+function readOnce(byName, load) {
+  /** @type {Map<string, Promise<Uint8Array<ArrayBuffer>>>} */
+  const known = new Map();
+  let left = MOST_BYTES;
+  return {
+    names: [...byName.keys()],
+    async read(name) {
+      const before = known.get(name);
+      if (before) return before;
+      const file = byName.get(name);
+      left -= file?.size ?? 0;
+      if (!file || left < 0) throw new Error("not read here");
+      const contents = load(file);
+      known.set(name, contents);
+      return contents;
+    },
+  };
 }
 
 const [END, ENTRY] = [0x06054b50, 0x02014b50];
 const [STORED, DEFLATED] = [0, 8];
 /** Bytes of the end record, and of the longest comment after it. */
 const [END_BYTES, MOST_COMMENT] = [22, 65535];
-/** Larger contents are left to the service. */
+/** Contents of more bytes are left to the service. */
 const MOST_BYTES = 512 * 1024 * 1024;
 
 /**
@@ -100,23 +127,18 @@ async function zipOf(file) {
     if (!name.endsWith("/")) entries.set(name, { method, packed, size, at: directory.getUint32(at + 42, true) });
     at += 46 + length + directory.getUint16(at + 30, true) + directory.getUint16(at + 32, true);
   }
-  return {
-    names: [...entries.keys()],
-    async read(name) {
-      const entry = entries.get(name);
-      if (!entry || entry.size > MOST_BYTES) throw new Error("not read here");
-      const head = new DataView(await file.slice(entry.at, entry.at + 30).arrayBuffer());
-      const first = entry.at + 30 + head.getUint16(26, true) + head.getUint16(28, true);
-      const content = file.slice(first, first + entry.packed);
-      if (entry.method === STORED) return new Uint8Array(await content.arrayBuffer());
-      if (entry.method !== DEFLATED) throw new Error("another compression");
-      return inflated(content, "deflate-raw", entry.size);
-    },
-  };
+  return readOnce(entries, async ({ method, packed, size, at }) => {
+    const head = new DataView(await file.slice(at, at + 30).arrayBuffer());
+    const first = at + 30 + head.getUint16(26, true) + head.getUint16(28, true);
+    const content = file.slice(first, first + packed);
+    if (method === STORED) return new Uint8Array(await content.arrayBuffer());
+    if (method !== DEFLATED) throw new Error("another compression");
+    return inflated(content, "deflate-raw", size);
+  });
 }
 
 /**
- * Decompresses. Rejects when the contents are damaged, or larger than stated.
+ * Decompresses. Rejects when the contents are damaged, not of the stated size, or too large for this page.
  *
  * @param {Blob} packed
  * @param {CompressionFormat} format
@@ -124,6 +146,7 @@ async function zipOf(file) {
  * @returns {Promise<Uint8Array<ArrayBuffer>>}
  */
 export async function inflated(packed, format, size) {
+  if (size > MOST_BYTES) throw new Error("too large");
   const found = new Uint8Array(size);
   let at = 0;
   const reader = packed.stream().pipeThrough(new DecompressionStream(format)).getReader();
@@ -133,5 +156,6 @@ export async function inflated(packed, format, size) {
     found.set(value, at); // throws a RangeError beyond the stated size
     at += value.length;
   }
+  if (at < size) throw new RangeError("cut off");
   return found;
 }

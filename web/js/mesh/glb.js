@@ -5,10 +5,10 @@
  * has what is not read here, such as poses.
  */
 
-import { MOST_TRIANGLES, decimated, encoded, frame, joined, orbitView } from "./shapes.js";
+import { MOST_TRIANGLES, decimated, frame, joined, orbitView } from "./shapes.js";
 import { pictureType } from "./files.js";
-import { product } from "./matrix.js";
-import { isBelow } from "./model.js";
+import { IDENTITY, product } from "./matrix.js";
+import { coded, isBelow } from "./model.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").View} View */
@@ -158,13 +158,15 @@ function chunks({ buffer, byteOffset, byteLength }) {
   return gltf && { gltf, bin };
 }
 
-/** Lists the triangle primitives of the scene with their matrices, column by column. @param {any} gltf */
+/** Lists the triangle primitives of the scene with their matrices, column by column, up to one more than are drawn. @param {any} gltf */
 function instances(gltf) {
   /** @type {{primitive: any, matrix: number[]}[]} */
   const found = [];
   for (const { node, matrix } of placedNodes(gltf))
-    for (const primitive of gltf.meshes?.[node.mesh]?.primitives ?? [])
+    for (const primitive of gltf.meshes?.[node.mesh]?.primitives ?? []) {
+      if (found.length > MOST_INSTANCES) return found;
       if ((primitive.mode ?? TRIANGLES) === TRIANGLES && primitive.attributes?.POSITION !== undefined) found.push({ primitive, matrix });
+    }
   return found;
 }
 
@@ -182,7 +184,7 @@ function placedNodes(gltf) {
       visit(node.children ?? [], matrix, depth + 1);
     }
   };
-  visit(gltf.scenes?.[gltf.scene ?? 0]?.nodes ?? [], [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], 0);
+  visit(gltf.scenes?.[gltf.scene ?? 0]?.nodes ?? [], IDENTITY, 0);
   return found;
 }
 
@@ -238,7 +240,7 @@ function values(gltf, bin, number, width) {
   const { array: Kind, size } = component;
   const step = view.byteStride || width * size;
   const start = bin.byteOffset + (view.byteOffset ?? 0) + (accessor.byteOffset ?? 0);
-  if (start + step * (accessor.count - 1) + width * size > bin.byteOffset + bin.byteLength) return null;
+  if (!(step >= width * size) || start + step * (accessor.count - 1) + width * size > bin.byteOffset + bin.byteLength) return null;
   if (step === width * size && start % size === 0) return new Kind(bin.buffer, start, accessor.count * width);
   const found = new Kind(accessor.count * width);
   const bytes = new Uint8Array(found.buffer);
@@ -268,8 +270,7 @@ function colorOf(material) {
   const isUnshaded = Boolean(material?.extensions?.KHR_materials_unlit) || (Math.max(...emitted) > 0 && !material.emissiveTexture);
   const base = /** @type {number[]} */ (material?.pbrMetallicRoughness?.baseColorFactor ?? [1, 1, 1, 1]);
   const linear = Math.max(...emitted) > 0 && !material.emissiveTexture ? emitted : base;
-  const coded = linear.slice(0, 3).map((value) => Math.round(255 * encoded(Math.min(Math.max(value, 0), 1))));
-  return [...coded, isUnshaded ? 0 : 255];
+  return [...coded(linear.slice(0, 3)), isUnshaded ? 0 : 255];
 }
 
 /** Returns the file's lamps, spots like points. @param {any} gltf @param {Vec3} low @param {Vec3} high @returns {import("./shapes.js").Lamp[]} */

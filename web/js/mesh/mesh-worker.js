@@ -9,28 +9,31 @@ import { meshOf } from "./upload.js";
 
 const scope = /** @type {any} */ (self);
 
-/** Side length to which larger textures are reduced. */
-const WIDEST = 1024;
+/** Side length to which larger textures are reduced, and the number of pixels of all of them together. */
+const [WIDEST, MOST_TEXELS] = [1024, 2 ** 28];
 
 scope.onmessage = async (/** @type {MessageEvent<import("./upload.js").Upload>} */ { data }) => {
   const found = await meshOf(data);
   const { images, ...mesh } = found ?? { images: [] };
   scope.postMessage(found && { mesh, textures: images.length });
+  const widest = Math.min(WIDEST, Math.sqrt(MOST_TEXELS / images.length));
   for (const picture of images) {
-    const image = await decoded(picture);
+    const image = await decoded(picture, widest);
     scope.postMessage({ image }, image ? [image] : []);
   }
 };
 
-/** @param {Picture} picture @returns {Promise<ImageBitmap | null>} null if the browser cannot read it */
-async function decoded({ bytes, type }) {
+/** @param {Picture} picture @param {number} widest @returns {Promise<ImageBitmap | null>} null if the browser cannot read it */
+async function decoded({ bytes, type }, widest) {
   const options = /** @type {const} */ ({ premultiplyAlpha: "none", colorSpaceConversion: "none" });
   try {
     const whole = await createImageBitmap(new Blob([bytes], { type }), options);
-    const scale = WIDEST / Math.max(whole.width, whole.height);
+    const scale = widest / Math.max(whole.width, whole.height);
     if (scale >= 1) return whole;
     const size = { resizeWidth: Math.max(1, Math.round(scale * whole.width)), resizeHeight: Math.max(1, Math.round(scale * whole.height)) };
-    return await createImageBitmap(whole, { ...options, ...size });
+    const reduced = await createImageBitmap(whole, { ...options, ...size });
+    whole.close(); // a large one would stay until it is collected as garbage
+    return reduced;
   } catch {
     return null;
   }

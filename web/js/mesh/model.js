@@ -37,7 +37,6 @@ export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES, { background 
     const shape = /** @type {Shape} */ (shapes[i]);
     return { shape, matrix, color, image: image && shape.uvs ? images.indexOf(image) : -1, cutoff };
   });
-  drawn.sort((a, b) => b.image - a.image);
   const found = joined(drawn, background);
   if (!found) return null;
   const { packet, places } = found;

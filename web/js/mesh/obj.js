@@ -44,11 +44,12 @@ export async function readObj(file, beside, most) {
   const count = said.corners.length / 9;
   const groups = groupsOf(said.smoothing, count);
   const isFlat = groups !== null && !groups.some(Boolean) && !said.normals.length;
+  const highest = highestOf(said.painted ?? new Float32Array());
   let isWhole = true;
   const parts = stretches(said.materials, count).flatMap(([name, ranges]) => {
     const material = materials.get(name) ?? materials.get(withoutComment(name)) ?? { color: lone || said.painted ? WHITE : GREY, image: lone, isWhole: true };
     isWhole &&= material.isWhole;
-    return shapesOf(said, ranges, groups).map((shape) => ({ shape: isFlat ? { ...shape, normals: new Float32Array(shape.positions.length) } : shape, ...material }));
+    return shapesOf(said, ranges, groups, highest).map((shape) => ({ shape: isFlat ? { ...shape, normals: new Float32Array(shape.positions.length) } : shape, ...material }));
   });
   return modelOf(parts, "y", isWhole, most);
 }
@@ -143,7 +144,10 @@ function stretches(materials, count) {
   const found = new Map();
   [/** @type {[number, string]} */ ([0, ""]), ...materials].forEach(([first, name], i) => {
     const last = materials[i]?.[0] ?? count;
-    if (first < last) found.set(name, [...(found.get(name) ?? []), [first, last]]);
+    if (first >= last) return;
+    const ranges = found.get(name) ?? [];
+    ranges.push([first, last]);
+    found.set(name, ranges);
   });
   return [...found];
 }
@@ -154,11 +158,11 @@ function stretches(materials, count) {
  * @param {Statements} said
  * @param {[number, number][]} ranges
  * @param {Int32Array | null} groups
+ * @param {number} highest of the painted values
  * @returns {Shape[]}
  */
-function shapesOf({ positions, painted, uvs, normals, corners }, ranges, groups) {
+function shapesOf({ positions, painted, uvs, normals, corners }, ranges, groups, highest) {
   const most = ranges.reduce((sum, [first, last]) => sum + last - first, 0);
-  const highest = painted ? highestOf(painted) : 1;
   const scale = 255 / (highest > 255 ? 65535 : highest > 1 ? 255 : 1);
   let slots = 1;
   while (slots < 6 * most) slots *= 2;
@@ -230,11 +234,17 @@ const highestOf = (values) => values.reduce((highest, value) => (value > highest
 async function materialsOf(libraries, beside) {
   /** @type {Map<string, Material>} */
   const found = new Map();
+  /** @type {Set<Uint8Array>} */
+  const parsed = new Set(); // a file may be named by every object
   for (const library of libraries) {
     const words = withoutComment(library);
     const whole = (await beside.read(library)) ?? (await beside.read(words));
     const files = whole ? [whole] : await Promise.all(words.split(/\s+/).map(beside.read));
-    for (const file of files) if (file) for (const [name, material] of await readMtl(file, beside)) found.set(name, material);
+    for (const file of files) {
+      if (!file || parsed.has(file)) continue;
+      parsed.add(file);
+      for (const [name, material] of await readMtl(file, beside)) found.set(name, material);
+    }
   }
   return found;
 }
@@ -252,21 +262,15 @@ async function readMtl(file, beside) {
   /** @type {Record<string, string> | undefined} */
   let current;
   for (const line of new TextDecoder().decode(file).split(/\r\n|\r|\n/)) {
-    const [, keyword = "", value = ""] = /^\s*(\S+)\s*(.*?)\s*$/.exec(line) ?? [];
+    const [, keyword = "", value = ""] = /^(\S+)\s*(.*)$/.exec(line.trim()) ?? [];
     if (keyword.toLowerCase() === "newmtl") statements.set(value, (current = statements.get(value) ?? {}));
     else if (current && !keyword.startsWith("#")) current[keyword.toLowerCase()] = value;
   }
   /** @type {Map<string, Material>} */
   const found = new Map();
-  /** @type {Map<string, Promise<Picture | null>>} */
-  const pictures = new Map(); // one object each, since parts with the same one are drawn together
-  const picture = (/** @type {string} */ name) => {
-    if (!pictures.has(name)) pictures.set(name, beside.picture(name));
-    return /** @type {Promise<Picture | null>} */ (pictures.get(name));
-  };
   for (const [name, values] of statements) {
     const map = values["map_kd"];
-    const image = map ? ((await picture(map)) ?? (await picture(withoutOptions(map)))) : null;
+    const image = map ? ((await beside.picture(map)) ?? (await beside.picture(withoutOptions(map)))) : null;
     const base = numbersOf(values["kd"]) ?? [0.8, 0.8, 0.8];
     const glow = numbersOf(values["ke"]) ?? [0, 0, 0];
     const isLight = Math.max(...glow) > 0;

@@ -1,6 +1,6 @@
 /** Reads PLY files, text and binary of both byte orders, for a preview. Files of points alone, and of strips, are left to the service. */
 
-import { Scanner, growingIndices } from "./text.js";
+import { MOST_VALUES, Scanner, growingIndices } from "./text.js";
 import { GREY, WHITE, modelOf } from "./model.js";
 
 /** @typedef {{name: string, type: string, count: string | null}} Property count: the type of a list's length; null: no list */
@@ -27,7 +27,7 @@ const COLORS = [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diff
 export async function readPly(file, picture, most) {
   const head = headOf(file);
   const next = head && nextOf(file, head.at, head.format);
-  if (!next) return null;
+  if (!next || !(leastBytes(head.elements) <= Math.min(file.length, MOST_VALUES))) return null; // before arrays of the stated size are made
   /** @type {Record<string, Float32Array>} */
   let columns = {};
   /** @type {Element | undefined} */
@@ -81,6 +81,9 @@ function headOf(file) {
   }
   return null;
 }
+
+/** Returns the number of bytes that a file with such elements has at least: one a value. @param {Element[]} elements */
+const leastBytes = (elements) => elements.reduce((sum, { count, properties }) => sum + count * Math.max(properties.length, 1), 0);
 
 /** Returns a function that reads the values of a file, one by one. @param {Uint8Array<ArrayBuffer>} file @param {number} at @param {string} format @returns {Next | null} */
 function nextOf(file, at, format) {

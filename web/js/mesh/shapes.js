@@ -44,6 +44,7 @@ import { cofactors } from "./matrix.js";
 export const MOST_TRIANGLES = 150_000;
 const FEWEST = 24; // triangles of a decimated shape
 const EXCESS = 1.5; // at which a shape is decimated again
+const MOST_CORNERS = 6_000_000; // of all triangles, where decimating has left so many
 const STEPS = 65535;
 
 /** The service's automatic camera (renderer/scene/default_camera.py). */
@@ -52,8 +53,9 @@ const MARGIN = 1.06;
 const ASPECT = 4 / 3;
 const SAMPLED = 50_000; // vertices
 
-/** Returns a shape with about a share of its triangles. @param {Shape} shape @param {number} share @returns {Shape} */
-export function decimated(shape, share) {
+/** Returns a shape with about a share of its triangles. @param {Shape} given @param {number} share @returns {Shape} */
+export function decimated(given, share) {
+  const shape = compacted(given);
   const target = Math.max(share * (shape.indices.length / 3), FEWEST);
   let found = shape;
   const count = () => found.indices.length / 3;
@@ -70,7 +72,9 @@ export function decimated(shape, share) {
  * @param {number} cells along the longest side
  * @returns {Shape}
  */
-function clustered({ positions, normals, uvs, indices, colors, groups }, cells) {
+function clustered(shape, cells) {
+  const { positions, indices, groups } = shape;
+  if (!positions.every(Number.isFinite)) throw new RangeError("a position is not finite");
   const { low, high } = boundsOf(positions);
   const size = Math.max(...high.map((value, i) => value - (low[i] ?? 0)), 1e-30) / cells;
   const side = Math.floor(cells) + 2;
@@ -110,20 +114,34 @@ function clustered({ positions, normals, uvs, indices, colors, groups }, cells) 
     corners[length++] = b;
     corners[length++] = c;
   }
+  return { ...verticesOf(shape, kept.subarray(0, count)), groups: groupOf && groupOf.slice(0, length / 3), indices: corners.slice(0, length) };
+}
+
+/** Returns a shape without the vertices that no triangle has: several shapes may be cut from one table of vertices. @param {Shape} shape @returns {Shape} */
+function compacted(shape) {
+  if (shape.positions.length / 3 <= shape.indices.length) return shape;
+  /** @type {Map<number, number>} */
+  const numbers = new Map();
+  const indices = shape.indices.map((index) => {
+    const number = numbers.get(index) ?? numbers.size;
+    numbers.set(index, number);
+    return number;
+  });
+  return { ...shape, ...verticesOf(shape, Uint32Array.from(numbers.keys())), indices };
+}
+
+/** Returns what some vertices of a shape have. @param {Shape} shape @param {Uint32Array} kept their numbers */
+function verticesOf({ positions, normals, uvs, colors }, kept) {
   /** @template {Float32Array | Uint8Array} A @param {A} source @param {number} width @param {A} found */
   const picked = (source, width, found) => {
-    for (let i = 0; i < count; i++) {
+    for (let i = 0; i < kept.length; i++) {
       const at = width * (kept[i] ?? 0);
       for (let k = 0; k < width; k++) found[width * i + k] = source[at + k] ?? 0;
     }
     return found;
   };
-  const floats = (/** @type {Float32Array} */ source, /** @type {number} */ width) => picked(source, width, new Float32Array(width * count));
-  return {
-    ...{ positions: floats(positions, 3), normals: normals && floats(normals, 3), uvs: uvs && floats(uvs, 2) },
-    ...{ colors: colors && picked(colors, 3, new Uint8Array(3 * count)), groups: groupOf && groupOf.slice(0, length / 3) },
-    indices: corners.slice(0, length),
-  };
+  const floats = (/** @type {Float32Array} */ source, /** @type {number} */ width) => picked(source, width, new Float32Array(width * kept.length));
+  return { positions: floats(positions, 3), normals: normals && floats(normals, 3), uvs: uvs && floats(uvs, 2), colors: colors && picked(colors, 3, new Uint8Array(3 * kept.length)) };
 }
 
 /** @param {Float32Array | Float64Array} positions @returns {{low: Vec3, high: Vec3}} */
@@ -145,15 +163,17 @@ export function boundsOf(positions) {
 export const encoded = (value) => (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);
 
 /**
- * Joins shapes in world space.
+ * Joins shapes in world space, those with the same image one after the other.
  *
- * @param {Drawn[]} drawn those with the same image together
+ * @param {Drawn[]} given
  * @param {Vec3 | null} background of the world, as in MeshPacket
- * @returns {{packet: MeshPacket, places: Float64Array} | null} places: of the vertices. null if any is not finite
+ * @returns {{packet: MeshPacket, places: Float64Array} | null} places: of the vertices. null if any is not finite, or if they are too many
  */
-export function joined(drawn, background) {
+export function joined(given, background) {
+  const drawn = given.toSorted((a, b) => b.image - a.image || b.cutoff - a.cutoff);
   const vertices = drawn.reduce((sum, { shape }) => sum + shape.positions.length / 3, 0);
   const corners = drawn.reduce((sum, { shape }) => sum + shape.indices.length, 0);
+  if (Math.max(vertices, corners) > MOST_CORNERS) return null;
   const places = new Float64Array(3 * vertices);
   const normals = new Int8Array(4 * vertices);
   const colors = new Uint8Array(4 * vertices);
@@ -261,11 +281,13 @@ export function frame(places) {
  * @param {number} fov vertical, in degrees
  * @param {Vec3} low lower corner of the scene
  * @param {Vec3} high
- * @returns {View}
+ * @returns {View | null} null if the file's values make no camera
  */
 export function orbitView(eye, back, up, fov, low, high) {
   const size = Math.hypot(...back) || 1;
   const middle = eye.reduce((sum, value, i) => sum + ((value - ((low[i] ?? 0) + (high[i] ?? 0)) / 2) * (back[i] ?? 0)) / size, 0);
   const away = middle > 0 ? middle : 1;
-  return { eye, target: /** @type {Vec3} */ (eye.map((value, i) => value - (away * (back[i] ?? 0)) / size)), up, fov };
+  const target = /** @type {Vec3} */ (eye.map((value, i) => value - (away * (back[i] ?? 0)) / size));
+  const isCamera = fov > 0 && fov < 180 && Math.hypot(...up) > 0 && [...eye, ...target, ...up].every(Number.isFinite);
+  return isCamera ? { eye, target, up, fov } : null;
 }

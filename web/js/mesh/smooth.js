@@ -44,11 +44,23 @@ export function smoothed(shapes) {
     ends[point] = at + 1;
   }
   const normals = new Float32Array(3 * count); // of the corners
+  /** Of points with many faces the first corner of each group. @type {Map<number, number>} */
+  const firsts = new Map();
   for (let corner = 0; corner < count; corner++) {
     const point = points[corner] ?? 0;
     const [begin, end] = [starts[point] ?? 0, starts[point + 1] ?? 0];
     const face = corner - (corner % 3);
     const [ux, uy, uz, group] = [units[face] ?? 0, units[face + 1] ?? 0, units[face + 2] ?? 0, groups[face / 3] ?? 0];
+    if (group && end - begin > MOST_VALENCE) {
+      // All corners here that are of this group, or of no groups, have the same normal: the sum is computed once.
+      const key = group * total + point;
+      const known = firsts.get(key);
+      if (known !== undefined) {
+        normals.copyWithin(3 * corner, 3 * known, 3 * known + 3);
+        continue;
+      }
+      firsts.set(key, corner);
+    }
     let [x, y, z] = [0, 0, 0];
     for (let i = begin; i < end; i++) {
       const other = around[i] ?? 0;

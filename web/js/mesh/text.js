@@ -5,6 +5,8 @@
 const [TAB, NEWLINE, RETURN, SPACE, PLUS, MINUS, DOT, BACKSLASH] = [9, 10, 13, 32, 43, 45, 46, 92];
 const [UPPER_E, LOWER_E] = [69, 101];
 const POWERS = Float64Array.from({ length: 309 }, (_, i) => Number(`1e${i}`));
+/** Values of an array, above which a file is left to the service. */
+export const MOST_VALUES = 2 ** 28;
 const MOST_DIGITS = 2 ** 53 / 10 - 1; // of a mantissa that further digits keep exact
 
 /** An array of numbers that grows. @template {Numbers} A */
@@ -18,6 +20,7 @@ export class Growing {
   /** @param {number} value */
   push(value) {
     if (this.length === this.values.length) {
+      if (this.length >= MOST_VALUES) throw new RangeError("too many values");
       const larger = /** @type {A} */ (new /** @type {any} */ (this.values.constructor)(2 * this.length));
       larger.set(this.values);
       this.values = larger;

@@ -1,11 +1,12 @@
 /** The up axis of files that state none, guessed as the service does (renderer/scene/readers/up_axis.py, which explains the rule). */
 
+import { IDENTITY } from "./matrix.js";
 import { boundsOf } from "./shapes.js";
 
 /** @typedef {import("./shapes.js").Shape} Shape */
 
 /** Matrices by which an axis becomes Y, column by column. */
-const MATRICES = { y: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], z: [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1] };
+const MATRICES = { y: IDENTITY, z: [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1] };
 
 const LEVEL = 0.01;
 const LEVEL_NORMAL = 0.95;

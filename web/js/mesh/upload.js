@@ -22,9 +22,14 @@ async function readUpload({ files: given, formats, main: chosen }) {
     const name = find(files.names, reference, main);
     return name === undefined ? null : files.read(name);
   };
+  /** @type {Map<Uint8Array, import("./shapes.js").Picture>} */
+  const pictures = new Map(); // one object each, since parts with the same one are drawn together
   const picture = async (/** @type {string} */ reference) => {
     const [bytes, type] = [await read(reference), pictureType(reference)];
-    return bytes && type ? { bytes, type } : null;
+    if (!bytes || !type) return null;
+    const found = pictures.get(bytes) ?? { bytes, type };
+    pictures.set(bytes, found);
+    return found;
   };
   const folder = main.slice(0, main.lastIndexOf("/") + 1);
   const names = files.names.filter((name) => name.startsWith(folder) && !name.slice(folder.length).includes("/")).map((name) => name.slice(folder.length));

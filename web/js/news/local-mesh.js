@@ -7,6 +7,8 @@ import { getInfo } from "./api.js";
 
 /** Larger uploads are left to the service, to limit the page's memory. */
 const MOST_BYTES = 512 * 1024 * 1024;
+/** Uploads that take longer to read, in milliseconds, are left to the service: also a small file may be made to take very long. */
+const MOST_MS = 30_000;
 /** Files that the page reads itself, or may find in an archive. */
 const READ_HERE = /\.(fbx|glb|gltf|obj|ply|stl|zip)$/i;
 
@@ -18,26 +20,32 @@ let spare = null;
 
 /** Prepares for an upload that is likely: files are dragged over the page or chosen. */
 export function prepareReader() {
-  spare ??= new Worker(new URL("../mesh/mesh-worker.js", import.meta.url), { type: "module" });
+  if (spare) return;
+  spare = new Worker(new URL("../mesh/mesh-worker.js", import.meta.url), { type: "module" });
+  spare.onerror = () => (spare = null); // it could not be loaded
 }
 
 /**
  * Starts reading an upload.
  *
  * @param {NamedFile[]} files
+ * @param {AbortSignal} refused ends it
  * @param {string} [main] the scene's file, if it is known
  * @returns {Promise<LocalMesh | null>} null for uploads that only the service can read
  */
-export async function readLocally(files, main) {
+export async function readLocally(files, refused, main) {
   if (!files.some(({ path }) => READ_HERE.test(path)) || files.reduce((sum, { file }) => sum + file.size, 0) > MOST_BYTES) return null;
   prepareReader();
+  const { formats } = await getInfo();
+  if (refused.aborted) return null;
+  prepareReader(); // another upload may have taken it
   const worker = /** @type {Worker} */ (spare);
   spare = null;
-  const { formats } = await getInfo();
   return new Promise((resolve) => {
     /** @type {((image: ImageBitmap | null) => void)[]} textures that are still being decoded */
     const awaited = [];
     const end = () => {
+      clearTimeout(late);
       worker.terminate();
       resolve(null); // without effect once the mesh is here
       for (const take of awaited.splice(0)) take(null);
@@ -51,6 +59,8 @@ export async function readLocally(files, main) {
       if (!data || !awaited.length) end();
     };
     worker.onerror = end;
+    refused.addEventListener("abort", end);
+    const late = setTimeout(end, MOST_MS);
     worker.postMessage({ files, formats, main });
   });
 }

@@ -239,7 +239,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const isBlack = darkness(brightness) !== null;
     const isLightShown = exposedBy === "light" && id === link.id;
     if (isLightShown || (exposedBy === "first" && isBlack)) setExposure(autoExposure(brightness));
-    if (exposedBy !== "user" && (isLightShown ? sampledAt : isBlack)) exposedBy = "done";
+    if (exposedBy !== "user" && (isLightShown ? sampledView === id : isBlack)) exposedBy = "done";
     tellDarkness();
   };
   const tellDarkness = () => {
@@ -277,6 +277,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let lookedAt = -Infinity;
   /** When the view had MESH_SPP samples per pixel; 0: not yet. */
   let sampledAt = 0;
+  /** Id of the latest view that had so many. @type {number | null} */
+  let sampledView = null;
 
   const link = new ViewLink(scene.id, {
     asked(id) {
@@ -306,6 +308,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const isLatest = next.id === link.id && !link.pending;
       surface.dataset.samples = String(samples);
       sampledAt = mean < MESH_SPP ? 0 : sampledAt || performance.now(); // another view begins anew
+      if (sampledAt) sampledView = next.id;
+      if (done && exposedBy === "light") lookForDarkness(Number(surface.dataset.view)); // no further picture comes
       const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
       // The preview mesh is sharp: what replaces it must be as fine, and not smeared by denoising few samples.

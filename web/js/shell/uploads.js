@@ -204,7 +204,7 @@ async function sendOnce(files, fields) {
   const stalled = () => setText(line, t("Nothing was sent for {n} s. It goes on when the connection does.", { n: STALLED_MS / 1000 }));
   setUnderWay(1);
   const begun = performance.now();
-  const mesh = fields["base"] ? Promise.resolve(null) : readLocally(files, fields["main"]).catch(() => null);
+  const mesh = fields["base"] ? Promise.resolve(null) : readLocally(files, abort.signal, fields["main"]).catch(() => null);
   try {
     const scene = await upload(files, {
       fields,
@@ -223,6 +223,7 @@ async function sendOnce(files, fields) {
     return scene;
   } catch (error) {
     if (abort.signal.aborted) return null;
+    abort.abort(); // its preview too
     const heading = notUploadedTitle(files);
     // Error responses of the service name the remedy.
     if (error instanceof ApiError && error.status === 0)
