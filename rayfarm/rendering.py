@@ -89,7 +89,7 @@ def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock
     from renderer.variant_names import variant_suffix
 
     with bar() as progress:
-        progress.add_task("loading the kernel (the first time compiles it: a minute or two)", total=None)
+        progress.add_task("loading the kernel (the first time compiles it: about half a minute)", total=None)
         if card is not None:
             check_for_cards(settings)
         variant = variant_for(settings, compiled)

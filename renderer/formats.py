@@ -140,6 +140,15 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
                         advice=advice,
                     )
                 )
+        if len(names) == 1:
+            raise SceneError(
+                Sentence(
+                    "file-not-a-scene",
+                    "The file {name} is not a 3D scene. Give a GLB, glTF, USD, FBX, BLEND, OBJ, PLY, STL, DAE or YAML file, "
+                    "or a zip with one.",
+                    name=next(iter(names))[:200],
+                )
+            )
         raise SceneError(
             Sentence(
                 "scene-file-missing",

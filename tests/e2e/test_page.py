@@ -138,7 +138,7 @@ def test_invalid_scene_shows_error_of_service(farm: Farm, watched: Watched) -> N
         page.get_by_role("button", name="Choose files").click()
     chooser.value.set_files([{"name": "notes.txt", "mimeType": "text/plain", "buffer": b"no scene"}])
     alert = page.get_by_role("alert")
-    expect(alert).to_contain_text("None of the files is a scene (notes.txt)")
+    expect(alert).to_contain_text("notes.txt is not a 3D scene")
     alert.get_by_role("button", name="Dismiss").click()
     expect(alert).to_have_count(0)
 

@@ -303,6 +303,9 @@ class ArtifactTask(ABC, Generic[Request]):
         return size is not None and self._is_size(size, request)
 
     def _delete(self, sha256: str) -> None:
+        with self._lock:
+            if any(made.sha256 == sha256 for made in self._made.values()):  # equal artifacts are one blob
+                return
         self._events.publish(BlobsReleased(Counter([sha256])))  # other references to this blob may exist
 
     def _unsent_requests(self) -> list[tuple[Key, _PendingRequest[Request]]]:

@@ -329,7 +329,8 @@ def test_card_results_of_a_worker_message_equal_the_cpu(card: CardRenderer, monk
     scene, settings = made("diffuse")
     tiles = tiles_of(settings.width, settings.height, 8)
     sent: list[Result] = []
-    worker: Any = SimpleNamespace(name="w", cards=(card.card,), results=SimpleNamespace(send=sent.append))
+    results = SimpleNamespace(send=sent.append)
+    worker: Any = SimpleNamespace(name="w", cards=(card.card,), link=None, results=results)  # fetches nothing
     monkeypatch.setattr(slot_card, "_cards", {card.card.number: card})
     monkeypatch.setattr(slot_card, "mapped_scene", lambda worker, sha256: scene)
     card.load("plain")  # which is then tested already

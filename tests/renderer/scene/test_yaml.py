@@ -267,7 +267,7 @@ def test_builtin_shape_areas(scene):
         ("shapes:\n  - {type: quad}\n  - {type: quad, material: red}", "shapes[1].material: there is no material red"),
         ("materials:\n  m: {texture: t}\n" + QUAD, "materials.m.texture: there is no texture t"),
         ("materials:\n  m: {roughness: 2}\n" + QUAD, "line 2: materials.m.roughness: is 2; it must be at most 1"),
-        ("materials:\n  m: {colour: 1}\n" + QUAD, "line 2: materials.m: has the unknown field colour; did you mean color?"),
+        ("materials:\n  m: {colour: 1}\n" + QUAD, "line 2: materials.m: has the unknown field colour (did you mean color?). See"),
         ("materials:\n  m: {colour: 1, zzz: 2}\n" + QUAD, "line 2: materials.m: has unknown fields: colour, zzz"),
         ("materials:\n  m: {color: [1, .nan, 1]}\n" + QUAD, "line 2: materials.m.color[1]: .nan is not a finite"),
         ("materials:\n  m: {color: red}\n" + QUAD, "line 2: materials.m.color"),

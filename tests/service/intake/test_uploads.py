@@ -135,10 +135,9 @@ def test_unsafe_names_are_rejected(service: Service, name: str, says: str) -> No
 
 
 def test_upload_without_scene_is_rejected(service: Service) -> None:
-    assert "None of the files is a scene" in assert_upload_rejected(service, 422, [("letter.txt", b"hello")])
-    assert "None of the files is a scene" in assert_upload_rejected(
-        service, 422, [("letters.zip", zip_bytes({"letter.txt": b"hello"}))]
-    )
+    assert "letter.txt is not a 3D scene" in assert_upload_rejected(service, 422, [("letter.txt", b"hello")])
+    letters = zip_bytes({"letter.txt": b"hello", "second.txt": b"hello"})
+    assert "None of the files is a scene" in assert_upload_rejected(service, 422, [("letters.zip", letters)])
 
 
 def test_empty_upload_is_rejected(service: Service) -> None:

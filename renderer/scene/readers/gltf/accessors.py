@@ -116,7 +116,7 @@ class Accessors:
                 self._file,
                 view.where,
                 Sentence("gltf-buffer-view-overrun", "reaches beyond the end of its buffer"),
-                Sentence("gltf-file-damaged", "the file is damaged, export it again"),
+                Sentence("gltf-file-damaged", "the file is damaged or incomplete, copy or export it again"),
             )
         return buffer[offset : offset + length]
 
@@ -129,7 +129,7 @@ class Accessors:
                     self._file,
                     packing.where,
                     Sentence("gltf-buffer-view-overrun", "reaches beyond the end of its buffer"),
-                    Sentence("gltf-file-damaged", "the file is damaged, export it again"),
+                    Sentence("gltf-file-damaged", "the file is damaged or incomplete, copy or export it again"),
                 )
             self._unpacked_views[index] = meshopt.decode(packing, buffer[offset : offset + packed], length)
         return self._unpacked_views[index]
@@ -151,7 +151,7 @@ class Accessors:
                     self._file,
                     buffer.where,
                     Sentence("gltf-data-missing", "has no data"),
-                    Sentence("gltf-file-damaged", "the file is damaged, export it again"),
+                    Sentence("gltf-file-damaged", "the file is damaged or incomplete, copy or export it again"),
                 )
             data = self._binary
         else:
@@ -225,7 +225,7 @@ class Accessors:
                 self._file,
                 where,
                 Sentence("gltf-accessor-out-of-range", "reaches beyond the end of its data"),
-                Sentence("gltf-file-damaged", "the file is damaged, export it again"),
+                Sentence("gltf-file-damaged", "the file is damaged or incomplete, copy or export it again"),
             )
         little = component.newbyteorder("<")
         return np.ndarray((count, width), little, data, offset, (stride, component.itemsize))

@@ -79,7 +79,7 @@ def schema_fault(error: Any) -> str:
             near = difflib.get_close_matches(unknown[0], known, 1)
             if len(unknown) == 1 and near:
                 return Sentence(
-                    "schema-field-misspelt", "has the unknown field {name}; did you mean {near}?", name=unknown[0], near=near[0]
+                    "schema-field-misspelt", "has the unknown field {name} (did you mean {near}?)", name=unknown[0], near=near[0]
                 )
             odd = first_items(unknown, _MOST_NAMED)
             return Sentence("schema-fields-unknown", "has unknown fields: {names}", names=odd)

@@ -5,13 +5,20 @@ from __future__ import annotations
 import hashlib
 import threading
 import time
+from collections import Counter
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from protocol.contract import TrainPathGuide
+from renderer.settings import RenderSettings, View
+from service.events import BlobsReleased, Events
 from service.http.redaction import RESOURCE_FIELDS
 from service.scheduling.artifacts import artifact_task
+from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.artifact_task import ArtifactTask
+from service.scheduling.artifacts.path_guides import PathGuides
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, guide_of
 
@@ -143,6 +150,32 @@ def test_restarted_service_has_guides_trained_again(service: Service, worker: Pe
     plain = service.submit(service.ready_scene(), spp=64)
     service.wait_for(plain, "finished", 30)
     assert service.digest(job) == service.digest(plain)
+
+
+def test_equal_guides_are_deleted_with_the_last_of_their_frames() -> None:
+    """Such as those of two jobs with the same settings, or of all frames whose paths follow no guide."""
+    report = SimpleNamespace(kind="kind", trains_guides=True)
+    roster = SimpleNamespace(ready_reports=lambda: [report], reports={})
+    sent: list[TrainPathGuide] = []
+    dispatcher: Any = SimpleNamespace(send_path_guide=lambda work, queue: sent.append(work))
+    workers: Any = SimpleNamespace(roster=roster)
+    blobs: Any = SimpleNamespace(size=lambda sha256: 100)
+    events, released = Events(), list[BlobsReleased]()
+    events.subscribe(BlobsReleased, released.append)
+    guides = PathGuides(dispatcher, workers, blobs, events)
+    settings = RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0)), guiding="auto")
+    futures = [guides.request(TrainPathGuide("", "job", frame, "kind", "c" * 64, settings)) for frame in (0, 1)]
+    guides.dispatch_work()
+    for work, future in zip(sent, futures, strict=True):
+        guides.handle_answer(work.work, ArtifactResult("a" * 64))
+        assert future.result(10).sha256 == "a" * 64
+    guides.release("job", 0)
+    guides._aside.submit(int).result(10)  # after the deletion, in the same thread
+    assert released == []
+    guides.release("job", 1)
+    guides._aside.shutdown()
+    assert released == [BlobsReleased(Counter(["a" * 64]))]
+    events.close()
 
 
 def test_slots_do_not_show_hidden_jobs_by_their_artifacts() -> None:
