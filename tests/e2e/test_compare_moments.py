@@ -108,7 +108,7 @@ def test_dropped_picture_becomes_reference(farm: Farm, watched: Watched, tmp_pat
     )
 
     # A is the reference of the error metric; its URL alone shows the same.
-    page.get_by_label("Ways to compare").get_by_text("Rel", exact=True).click()
+    page.get_by_label("Ways to compare").get_by_text("Relative", exact=True).click()
     expect(page).to_have_url(re.compile("way=relative"))
     page.reload()
     ways = page.get_by_label("Ways to compare")

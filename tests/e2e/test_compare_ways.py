@@ -62,7 +62,7 @@ def test_differences_are_measured_and_shown(farm: Farm, watched: Watched, tmp_pa
     figures = [float(text) for text in ways.locator("dd").all_inner_texts()]
     np.testing.assert_allclose(figures, wanted, rtol=2e-3)
     expect(page.get_by_role("heading", level=1)).to_have_text(re.compile("Comparison of "))
-    ways.get_by_text("Diff", exact=True).click()
+    ways.get_by_text("Difference", exact=True).click()
     bar = ways.get_by_role("img", name="Root of the mean squared difference")
     expect(bar).to_be_visible()
     high = float((bar.get_attribute("aria-label") or "").split("; ")[-1])

@@ -1,4 +1,4 @@
-"""Tests of when the page asks for a denoised preview of a film that is being rendered."""
+"""Tests of when the page asks for a denoised preview of a film that is being rendered, and of how often it draws the film."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ DUE = """
     for (const [x, spp] of a.tiles) film.put({ x, y: 0, w: 2, h: 2, spp, words: new Uint32Array(4) });
     const look = a.look && { total: a.look };
     const state = { value: { channel: "denoised", waiting: false, error: null } };
-    const live = { film, look, side: 2, isRendering: a.rendering ?? true };
+    const live = { film, look, isAgain: a.again, side: 2, isRendering: a.rendering ?? true };
     return m.PictureSide.prototype.isPreviewDue.call({ live, state, previewAt: 0, madeOf: a.made ?? Infinity });"""
 
 
@@ -26,5 +26,55 @@ def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> N
     assert is_due(tiles=[[0, 1], [2, 1]], look=32) is False, "the live view's picture has more samples"
     assert is_due(tiles=[[0, 4], [2, 4]], look=32) is True
     assert is_due(tiles=[[0, 8], [2, 8]], look=9999) is True, "the job's picture is to be seen at last"
+    assert is_due(tiles=[[0, 8], [2, 8]], look=9999, again=True) is False, "an earlier picture is better"
+    assert is_due(tiles=[[0, 8], [2, 8]], look=64, again=True) is True
     assert is_due(tiles=[[0, 4], [2, 4]], made=17) is False
     assert is_due(tiles=[[0, 4], [2, 4]], made=16) is True
+
+
+DRAWS = """
+    // A clock of its own: timers run in order, and a drawing takes a.ms until its fence is signalled.
+    let now = 0, drawnAt = -Infinity;
+    const timers = [], draws = [], real = [globalThis.setTimeout, performance.now];
+    globalThis.setTimeout = (run, ms) => timers.push({ at: now + ms, run });
+    performance.now = () => now;
+    const until = (end) => {
+      for (;;) {
+        const next = timers.filter(({ at }) => at <= end).sort((p, q) => p.at - q.at)[0];
+        if (!next) break;
+        timers.splice(timers.indexOf(next), 1);
+        now = next.at;
+        next.run();
+      }
+      now = end;
+    };
+    const isDrawn = () => Number(now >= drawnAt + a.ms);
+    const still = { flush() {}, deleteSync() {}, isContextLost: () => false };
+    const gl = { ...still, SIGNALED: 1, fenceSync: () => ({}), getSyncParameter: isDrawn };
+    const canvas = { gl, cover: { image: null }, sideBySide: false, wipe: a.wipe, resting: undefined, isOutdated: false };
+    canvas.invalidate = () => {
+      draws.push((drawnAt = now));
+      canvas.isOutdated = false;
+      m.FilmCanvas.prototype.rest.call(canvas);
+    };
+    for (let at = 0; at < 10_000; at += 20) {
+      until(at);
+      m.FilmCanvas.prototype.invalidateForTile.call(canvas, 0);
+    }
+    const during = draws.length;
+    until(60_000);
+    [globalThis.setTimeout, performance.now] = real;
+    return { during, gaps: draws.slice(1).map((at, i) => at - draws[i]), after: draws.at(-1) };"""
+
+
+def test_tiles_leave_at_least_half_of_the_time_idle(node: Node) -> None:
+    def drawn(ms: int, wipe: float = 1) -> dict[str, object]:
+        return node.call("film/film-canvas", DRAWS, {"ms": ms, "wipe": wipe})
+
+    slow = drawn(700)
+    assert 5 <= slow["during"] <= 8, "700 ms each, and 700 ms between"
+    assert min(slow["gaps"]) >= 1400
+    assert slow["after"] >= 9980, "the last tile is shown"
+    fast = drawn(2)
+    assert 50 <= fast["during"] <= 67, "a few times a second at most"
+    assert drawn(2, wipe=0)["during"] == 0, "the layer is hidden"

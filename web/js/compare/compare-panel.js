@@ -29,7 +29,9 @@ export function sideChoice(letter, state, { picture: job, channel, at }, moments
   });
   const rendered = h("optgroup", { label: t("Pictures") });
   const uploaded = h("optgroup", { label: t("Reference pictures") });
-  pictures.append(rendered, uploaded);
+  // Where a closed select can be styled: the name, cut off if there is no room, and the samples. The list has all.
+  const [chosenName, chosenFact] = [h("span", { class: "chosen-name" }), h("span", { class: "quiet number" })];
+  pictures.append(h("button", { type: "button", class: "chosen" }, chosenName, chosenFact), rendered, uploaded);
   const showPicture = keyedList(rendered, ({ id }) => id, pictureOption);
   const showReference = keyedList(uploaded, ({ id }) => id, referenceOption);
   const steps = h("select", {
@@ -54,6 +56,9 @@ export function sideChoice(letter, state, { picture: job, channel, at }, moments
     showReference(references.value ?? []);
     uploaded.hidden = !references.value?.length;
     pictures.value = now[job];
+    const chosen = (jobs.value ?? []).find(({ id }) => id === now[job]);
+    setText(chosenName, chosen?.name ?? (references.value ?? []).find((each) => addressOf(each) === now[job])?.name ?? "");
+    setText(chosenFact, chosen ? reached(chosen) : "");
     const isUploaded = referenceId(now[job]) !== null;
     const known = isUploaded ? [] : (moments.of.value[now[job]] ?? []).map(({ spp }) => spp);
     const asked = now[at];

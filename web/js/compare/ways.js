@@ -13,8 +13,8 @@ export const WAYS = /** @type {const} */ ([
   { name: "wipe", label: t("Wipe"), hint: t("A left of the divider, B right of it") },
   { name: "turns", label: t("Flicker"), hint: t("A and B take turns; hold B to see the other at any time") },
   { name: "side", label: t("Side"), hint: t("Side by side, at the same place and zoom") },
-  { name: "difference", label: t("Diff"), hint: t("Root of the mean squared difference of R, G and B") },
-  { name: "relative", label: t("Rel"), hint: t("Squared difference over A's square and 0.01") },
+  { name: "difference", label: t("Difference"), hint: t("Root of the mean squared difference of R, G and B") },
+  { name: "relative", label: t("Relative"), hint: t("Squared difference over A's square and 0.01") },
   { name: "flip", label: "FLIP", hint: t("How different the two look, taking turns: 0 to 1") },
 ]);
 

@@ -16,6 +16,11 @@ import { t } from "../base/words.js";
 /** Side of the squares behind a transparent picture, in CSS pixels. */
 const SQUARE = 8;
 
+/** Minimum pause, in milliseconds, between the end of a drawing and the next one for new tiles. */
+const TILES_MS = 150;
+/** Interval, in milliseconds, at which the end of a drawing is looked for. */
+const FENCE_MS = 10;
+
 const UNIFORMS = /** @type {const} */ (["film", "canvasSize", "origin", "scale", "gain", "curve", "viewTable", "raw", "part", "alpha", "hasAlpha", "square", "high"]);
 
 /** Error: the browser cannot show a film; the message is the reason. */
@@ -40,6 +45,10 @@ export class FilmCanvas {
     /** Called after every draw, to update overlays. */
     this.afterDraw = () => {};
     this.pending = 0;
+    /** Runs while a drawing is executed and during the pause after it. @type {ReturnType<typeof setTimeout> | undefined} */
+    this.resting = undefined;
+    /** Whether tiles have arrived since the last drawing. */
+    this.isOutdated = false;
     this.redraw = () => this.invalidate(); // one function, which waits for a view's table once
 
     const gl = canvas.getContext("webgl2", { antialias: false, depth: false, powerPreference: "high-performance" });
@@ -51,8 +60,8 @@ export class FilmCanvas {
     this.maxSize = gl.getParameter(gl.MAX_TEXTURE_SIZE);
     /** Layers left and right of the wipe. */
     this.layers = /** @type {const} */ ([
-      new FilmLayer(gl, () => this.invalidate()),
-      new FilmLayer(gl, () => this.invalidate()),
+      new FilmLayer(gl, () => this.invalidate(), () => this.invalidateForTile(0)),
+      new FilmLayer(gl, () => this.invalidate(), () => this.invalidateForTile(1)),
     ]);
     /** An image over both layers, such as a difference map. */
     this.cover = new FilmLayer(gl, () => this.invalidate());
@@ -160,9 +169,45 @@ export class FilmCanvas {
     this.pending ||= requestAnimationFrame(() => this.draw());
   }
 
+  /**
+   * Redraws for a new tile. A browser without a graphics card stops the page until a drawing is executed, which may take a second:
+   * after each, the page is left idle for at least as long. All else is drawn at the next frame.
+   *
+   * @param {0 | 1} which layer
+   */
+  invalidateForTile(which) {
+    const isHidden = this.cover.image !== null || (!this.sideBySide && (which === 0 ? this.wipe <= 0 : this.wipe >= 1));
+    if (isHidden) return;
+    if (this.resting === undefined) this.invalidate();
+    else this.isOutdated = true;
+  }
+
+  /** Waits for the end of the drawing, then as long again, and redraws if tiles have arrived meanwhile. */
+  rest() {
+    const { gl } = this;
+    const began = performance.now();
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush(); // else the fence may not be reached
+    const look = () => {
+      if (fence && !gl.isContextLost() && gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) {
+        this.resting = setTimeout(look, FENCE_MS);
+        return;
+      }
+      gl.deleteSync(fence);
+      this.resting = setTimeout(rested, Math.max(TILES_MS, performance.now() - began));
+    };
+    const rested = () => {
+      this.resting = undefined;
+      if (this.isOutdated) this.invalidate();
+    };
+    clearTimeout(this.resting);
+    this.resting = setTimeout(look, 0);
+  }
+
   draw() {
     cancelAnimationFrame(this.pending);
     this.pending = 0;
+    this.isOutdated = false;
     const { gl, canvas, wipe } = this;
     if (gl.isContextLost() || !this.uniforms) return;
     if (this.high && !this.high.begin(gl, canvas.width, canvas.height)) this.setHigh(null);
@@ -189,6 +234,7 @@ export class FilmCanvas {
       gl.disable(gl.SCISSOR_TEST);
       gl.clear(gl.COLOR_BUFFER_BIT); // it lies under the other canvas, which is transparent beside the picture
     }
+    this.rest();
     this.afterDraw();
   }
 
@@ -290,6 +336,7 @@ export class FilmCanvas {
     this.high = null;
     for (const layer of [...this.layers, this.cover]) layer.clear();
     cancelAnimationFrame(this.pending);
+    clearTimeout(this.resting);
     this.gl.getExtension("WEBGL_lose_context")?.loseContext(); // browsers allow only some 16 contexts
   }
 }

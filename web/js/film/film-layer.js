@@ -8,10 +8,12 @@ export class FilmLayer {
   /**
    * @param {WebGL2RenderingContext} gl
    * @param {() => void} changed
+   * @param {() => void} [gotTile] called instead for a single tile
    */
-  constructor(gl, changed) {
+  constructor(gl, changed, gotTile = changed) {
     this.gl = gl;
     this.changed = changed;
+    this.gotTile = gotTile;
     /** @type {Film | null} */
     this.film = null;
     /** Shown instead of the film. @type {ImageBitmap | null} */
@@ -83,7 +85,7 @@ export class FilmLayer {
     if (film !== this.film || this.image || x + w > film.width || y + h > film.height) return;
     gl.bindTexture(gl.TEXTURE_2D, this.texture);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, x, y, w, h, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, words);
-    this.changed();
+    this.gotTile();
   }
 
   /** Recreates the texture after the context was lost. */

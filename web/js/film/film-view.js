@@ -114,8 +114,9 @@ export class FilmView {
 
   placePoster() {
     if (!this.poster) return;
-    const film = this.layers[this.canvas.wipe > 0 ? 0 : 1].film;
-    if (film?.isBlank !== false || film.isPartial) {
+    const { wipe, sideBySide } = this.canvas;
+    const films = [(sideBySide || wipe > 0) && this.layers[0], (sideBySide || wipe < 1) && this.layers[1]].flatMap((layer) => layer || []).map(({ film }) => film);
+    if (films.some((film) => film?.isBlank !== false || film.isPartial)) {
       this.poster.place(this.viewport, this.canvas.canvas);
       return;
     }

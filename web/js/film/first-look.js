@@ -1,12 +1,12 @@
-/** Hands the live view's last picture to the page of the job that was started from it, which shows it until it has samples. */
+/** Hands the live view's last picture, or an earlier job's, to the page of the job that was started from it, which shows it until it has samples. */
 
 /** @typedef {import("./film.js").Film} Film */
 
 /**
- * isSame: whether it is of the job's view; else the camera has turned since. clean: URL of what was shown in place of the film until
+ * isPrevious: whether it is a whole picture of the same view, shown until the job's own is as good. isSame: whether it is of the job's view; else the camera has turned since. clean: URL of what was shown in place of the film until
  * it is denoised; "": the film was shown.
  *
- * @typedef {{film: Film, isSame: boolean, clean: string}} FirstLook
+ * @typedef {{film: Film, isSame: boolean, clean: string, isPrevious?: boolean}} FirstLook
  */
 
 /** @type {(FirstLook & {job: string}) | null} */

@@ -78,6 +78,8 @@ export class LiveFilm {
     const first = takeFirstLook(job.id);
     /** The live view's last picture, of the same view: null if the job was not started from it. @type {Film | null} */
     this.look = first?.isSame && !first.clean ? first.film : null;
+    /** Whether `look` is the picture of an earlier job. */
+    this.isAgain = this.look !== null && first?.isPrevious === true;
     /** URL of a picture without noise that is shown until the job's own is denoised; "": none. */
     this.clean = (job.denoise && first?.clean) || "";
     /** Whether a poster is shown until the film is here. */

@@ -23,6 +23,7 @@ import { t } from "../base/words.js";
  * @property {LiveFilm} live
  * @property {() => import("./picture-side.js").PictureSide | null} side the one that is not denoised
  * @property {import("./film.js").Film} film
+ * @property {() => import("./film.js").Film} shown the denoised film if the stage shows that, else the film
  * @property {(job: Job) => void} update
  * @property {(listener: (outlines: import("./pixel-overlay.js").Outline[]) => void) => void} onHands calls the listener with the tiles that workers are rendering
  * @property {() => void} renew fetches the shown pictures again if they are older than the film
@@ -71,6 +72,7 @@ export function livePicture(job, display, life, changed, frame) {
       const mixed = look.channel === "" && isMixed(look.mix);
       const denoised = look.denoise !== "off" && look.channel === "" && !mixed;
       stage.view?.setLook(look);
+      stage.view?.poster?.element.classList.toggle("smooth", denoised && !live.clean);
       stage.arrange({
         left: mixed ? { live, channel: MIX, mix: look.mix } : { live, channel: look.channel, name: look.channel === "" ? t("Raw") : undefined },
         right: denoised ? { live, channel: DENOISED } : null,
@@ -87,6 +89,7 @@ export function livePicture(job, display, life, changed, frame) {
     live,
     side: () => stage.side(0),
     film: live.film,
+    shown: () => stage.side(1)?.film ?? live.film,
     update(next) {
       latest = next;
       outline();

@@ -13,9 +13,9 @@ import { Store } from "../base/store.js";
 
 /**
  * The source of a side's pictures: a job's growing film, or another object with the same interface. `job` is "" if there
- * is no job. `isRendering`, `look`, `hasPoster` and `side` are those of a LiveFilm. `hasSamples` is false for a picture that no farm has rendered. `isTransparent` is true if it has an alpha plane.
+ * is no job. `isRendering`, `look`, `isAgain`, `hasPoster` and `side` are those of a LiveFilm. `hasSamples` is false for a picture that no farm has rendered. `isTransparent` is true if it has an alpha plane.
  *
- * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean, isTransparent?: boolean, isRendering?: boolean, look?: Film | null, hasPoster?: boolean, side?: number}} FilmSource
+ * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean, isTransparent?: boolean, isRendering?: boolean, look?: Film | null, isAgain?: boolean, hasPoster?: boolean, side?: number}} FilmSource
  */
 
 /** Minimum interval between refreshes of a stale picture. */
@@ -25,6 +25,8 @@ const SETTLE_MS = 300;
 const PREVIEW_MS = 400;
 /** Samples per pixel from which a preview replaces the live view's picture, even if that has more. */
 const ENOUGH_SAMPLES = 8;
+/** Time, in milliseconds, after which a finished picture is shown with its noise, if the denoised one has not come. */
+const NOISE_AFTER_MS = 5000;
 
 /**
  * @typedef {object} SideState
@@ -70,6 +72,8 @@ export class PictureSide {
     this.previewTimer = setInterval(() => this.lookAgain(), PREVIEW_MS);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.settling = undefined;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.holding = undefined;
     this.unturn = live.onTurn(() => this.turned());
     const outgrow = () => {
       const { channel, stale } = this.state.value;
@@ -114,17 +118,20 @@ export class PictureSide {
   /** Whether a preview is to be fetched: of every tile, better than what is shown, and while the page is seen. */
   isPreviewDue() {
     const { channel, waiting, error } = this.state.value;
-    const { film, look, side = 0, isRendering } = this.live;
+    const { film, look, isAgain, side = 0, isRendering } = this.live;
     if (channel !== DENOISED || !isRendering || waiting || error || document.hidden || performance.now() < this.previewAt) return false;
     if (this.madeOf !== Infinity) return film.total >= 2 * this.madeOf;
-    const enough = look ? Math.min(look.total, ENOUGH_SAMPLES * film.width * film.height) : 0;
+    const enough = look ? Math.min(look.total, isAgain ? Infinity : ENOUGH_SAMPLES * film.width * film.height) : 0;
     return side > 0 && film.total >= enough && film.tileSamples(side).every((samples) => samples > 0);
   }
 
   /** Fetches a denoised picture that is due; until the first has come, shows the film once it has less noise than the live view's picture. */
   lookAgain() {
     const { film, look } = this.live;
-    if (look && this.layer.film === look && this.awaitsDenoised() && perPixel(film) > perPixel(look)) this.layer.setFilm(film);
+    if (look && this.layer.film === look && this.awaitsDenoised() && perPixel(film) > perPixel(look)) {
+      this.layer.setFilm(film);
+      this.state.update((state) => ({ ...state }));
+    }
     if (this.isPreviewDue() || this.isLastDue()) void this.fetch();
   }
 
@@ -136,6 +143,21 @@ export class PictureSide {
   /** Whether what is shown in place of the denoised picture still has its noise. */
   awaitsDenoised() {
     return this.state.value.channel === DENOISED && !this.fetched && this.layer.film?.isDenoised === false;
+  }
+
+  /** Whether the picture of an earlier job is shown. */
+  showsEarlier() {
+    return this.live.isAgain === true && this.layer.film === this.live.look;
+  }
+
+  /** Leaves a picture's poster, whose noise is not visible, in the place of a film that is not here yet, until it is denoised. */
+  holdPoster() {
+    const { film, hasPoster } = this.live;
+    if (!hasPoster || !(film.isBlank || film.isPartial)) return;
+    const blank = new Film(film.width, film.height);
+    this.layer.setFilm(blank);
+    clearTimeout(this.holding);
+    this.holding = setTimeout(() => this.layer.film === blank && this.layer.setFilm(film), NOISE_AFTER_MS);
   }
 
   /** What is shown until the first denoised picture has come: not the noise, if something better was shown before. */
@@ -162,6 +184,7 @@ export class PictureSide {
       this.layer.setFilm(this.standIn());
       this.state.set({ channel, waiting: false, stale: false, error: null, isPreview: true });
     } else if (channel) {
+      if (channel === DENOISED) this.holdPoster();
       this.state.set({ channel, waiting: false, stale: false, error: null });
       void this.fetch();
     } else {
@@ -253,6 +276,7 @@ export class PictureSide {
     clearInterval(this.timer);
     clearInterval(this.previewTimer);
     clearTimeout(this.settling);
+    clearTimeout(this.holding);
     cancelAnimationFrame(this.mixing);
     this.unturn();
     this.fetching.abort();

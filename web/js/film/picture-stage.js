@@ -105,7 +105,8 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
       const { channel = "", waiting = false, isImproved = false } = side?.state.value ?? {};
       const name = (i ? right : left)?.name ?? channelOf(channel).label;
       const tag = /** @type {HTMLElement} */ (tags[i]);
-      setText(tag, `${name}${(waiting && !isImproved) || side?.awaitsDenoised() ? " …" : ""}`);
+      if (side?.showsEarlier()) setText(tag, t("Earlier picture, until this one is as clear"));
+      else setText(tag, `${name}${(waiting && !isImproved) || side?.awaitsDenoised() ? " …" : ""}`);
       tag.hidden = !seen[i] || (!both && channel === "");
       tag.classList.toggle("alone", !both);
       parts[i]?.readout.setName(both ? name : "");

@@ -29,9 +29,9 @@ export function focusTool(job, picture, life) {
   let isOn = false;
   const button = h(
     "button",
-    { class: "icon-button for-submit", type: "button", "aria-pressed": "false", "aria-label": t("Render a part first"), onclick: () => turn(!isOn) },
+    { class: "icon-button for-submit part-first", type: "button", "aria-pressed": "false", "aria-label": t("Render a part first"), onclick: () => turn(!isOn) },
     icon("region"),
-    toolWord(t("Part first")),
+    toolWord(t("Part first"), t("Render a part first")),
   );
   button.title = t("Render a part first: click or drag on the picture (A); Shift and drag does it at once");
   const said = h("span");
@@ -61,7 +61,7 @@ export function focusTool(job, picture, life) {
   const show = () => {
     const { focus } = latest;
     const isOpen = OPEN.includes(latest.state);
-    button.disabled = !isOpen;
+    button.disabled = button.hidden = !isOpen;
     const rect = isOpen && focus ? { x: focus[0], y: focus[1], w: focus[2], h: focus[3] } : null;
     // A click selects the pixel's tile.
     const side = latest.tile_size ?? 0;

@@ -216,7 +216,8 @@ export function actionsPanel() {
   const more = button("plus", "", moreSamples);
   more.append(number);
   more.title = t("Adds samples: the picture is the same as if all had been requested at once");
-  const keep = button("keep", t("Keep"), (job) => change(job, { pinned: !job.pinned }, t("The job was not changed")));
+  const keepWords = () => [h("span", { class: "short" }, t("Keep")), h("span", { class: "long" }, t("Never delete"))];
+  const keep = button("keep", "", (job) => change(job, { pinned: !job.pinned }, t("The job was not changed")));
   keep.title = t("Never deleted automatically: its picture, and its scene's files");
   const element = h("div", { class: "row actions for-submit" }, resume, pause, cancel, more, keep);
   return {
@@ -230,7 +231,7 @@ export function actionsPanel() {
       cancel.hidden = !open;
       more.hidden = job.state === "failed";
       setText(number, t("{n} samples", { n: count(asManyAgain(job)) }));
-      if (keep.getAttribute("aria-pressed") !== String(Boolean(job.pinned))) fill(keep, icon(job.pinned ? "check" : "keep"), t("Keep"));
+      if (keep.getAttribute("aria-pressed") !== String(Boolean(job.pinned))) fill(keep, icon(job.pinned ? "check" : "keep"), ...keepWords());
       keep.setAttribute("aria-pressed", String(Boolean(job.pinned)));
       // Moves the focus if the pressed button disappears.
       if (focused?.hidden) [resume, pause, more].find((button) => !button.hidden)?.focus();

@@ -6,7 +6,7 @@ import { h, setText } from "../base/dom.js";
 import { MOST_GROUPS } from "../forms/setting-field.js";
 import { icon } from "../base/icons.js";
 import { isLightless } from "../base/light-words.js";
-import { stops } from "../base/format.js";
+import { roughly, stops } from "../base/format.js";
 import { scenes } from "../news/farm.js";
 import { isRead, settingOf } from "../news/settings-table.js";
 import { linkTo } from "../shell/router.js";
@@ -17,13 +17,13 @@ import { t } from "../base/words.js";
 
 /**
  * @param {DisplayStore} display
- * @param {import("../base/types.js").Job} job
+ * @param {() => import("../base/types.js").Job} job the latest state
  * @param {import("../base/store.js").Disposer} life
  * @param {(groups: string[]) => Promise<void>} renderWith renders the picture again with these light groups
  * @returns {HTMLElement}
  */
 export function lightMixer(display, job, life, renderWith) {
-  const groups = lightGroups(job.settings);
+  const groups = lightGroups(job().settings);
   if (!groups.length) return withoutGroups(job, life, renderWith);
   /** Changes a strip, and shows the colour where another channel was shown. @param {string} name @param {Partial<Strip>} changes */
   const change = (name, changes) =>
@@ -102,22 +102,23 @@ function stripOf(name, change) {
   return { element, update };
 }
 
-/** @param {string} does @param {string} letter also its key on the slider @param {string} group @param {() => void} run */
+/** @param {string} does @param {string} letter its key on the slider @param {string} group @param {() => void} run */
 const toggle = (does, letter, group, run) =>
   h(
     "button",
     { class: "mix-toggle", type: "button", "aria-pressed": "false", "aria-label": `${does}: ${group}`, title: `${does} (${letter})`, onclick: run },
-    letter,
+    does,
   );
 
 /**
  * How to get light groups, with a button that renders the picture again with them.
  *
- * @param {import("../base/types.js").Job} job
+ * @param {() => import("../base/types.js").Job} latest
  * @param {import("../base/store.js").Disposer} life
  * @param {(groups: string[]) => Promise<void>} renderWith
  */
-function withoutGroups(job, life, renderWith) {
+function withoutGroups(latest, life, renderWith) {
+  const job = latest();
   const told = h("p", { class: "quiet small" });
   const again = h("a", { class: "button", href: `${linkTo("scenes", job.scene)}?like=${job.id}` }, icon("refresh"), t("Render with other settings"));
   const guide = h("a", { class: "small", href: "docs/guides/compositing#light-groups" }, t("Light groups"));
@@ -127,6 +128,14 @@ function withoutGroups(job, life, renderWith) {
     render.disabled = false;
   };
   const render = h("button", { class: "button primary for-submit", type: "button", onclick: () => void start() }, icon("refresh"), t("Render again to mix"));
+  const price = h("p", { class: "quiet small" });
+  const tellPrice = () => {
+    const { state, active_s: seconds, taken } = latest();
+    const compiles = t("The first time, compiling takes about 40 s more.");
+    setText(price, state === "finished" && !taken && seconds >= 1 ? `${t("Takes {time}, as this picture did.", { time: roughly(seconds) })} ${compiles}` : compiles);
+  };
+  life.every(1000, tellPrice);
+  tellPrice();
   /** @type {string[]} */
   let groups = [];
   life.add(
@@ -135,7 +144,7 @@ function withoutGroups(job, life, renderWith) {
       groups = (scene?.light_groups ?? []).slice(0, MOST_GROUPS);
       const canSplit = isRead(settingOf("settings", "light_groups"), job.settings?.["integrator"] ?? "path");
       const lacksLight = scene !== undefined && isLightless(scene);
-      render.hidden = !groups.length || !canSplit;
+      price.hidden = render.hidden = !groups.length || !canSplit;
       again.hidden = groups.length ? canSplit : !lacksLight;
       guide.hidden = groups.length > 0 || lacksLight;
       setText(
@@ -150,5 +159,5 @@ function withoutGroups(job, life, renderWith) {
       );
     }),
   );
-  return h("section", { class: "side-section stack", "aria-label": t("Lights") }, h("h2", null, t("Lights")), told, render, again, guide);
+  return h("section", { class: "side-section stack", "aria-label": t("Lights") }, h("h2", null, t("Lights")), told, render, price, again, guide);
 }

@@ -168,7 +168,7 @@ function open(page, job, life) {
 
   const tabs = sideTabs(t("Picture"), [
     { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element] },
-    { name: "lights", label: t("Lights"), content: [lightMixer(display, job, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture.live))] },
+    { name: "lights", label: t("Lights"), content: [lightMixer(display, () => latest, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture))] },
     { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
     { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id)] },
     { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },
