@@ -3,6 +3,7 @@
 import { byProgram } from "../forms/by-program.js";
 import { canDenoise } from "../job/denoise-fields.js";
 import { isViewDenoised } from "./denoise-view.js";
+import { fileField } from "./scene-notices.js";
 import { cameraFields } from "../forms/camera-fields.js";
 import { isLightless } from "../base/light-words.js";
 import { fill, h, setText } from "../base/dom.js";
@@ -66,7 +67,7 @@ export function settingsForm(scene, submit, start = null, asShot = false) {
     const first = start?.first ?? {};
     const shot = shotFields(scene, start?.shot ?? null, () => update(), asShot && !start);
     const size = sizeFields({ ...defaults, ...first }, () => update());
-    const camera = cameraFields(scene, (projection) => size.suit(projection));
+    const camera = cameraFields(scene, (projection) => size.suit(projection), () => stand.bounds());
     const others = settingFields(defaults, first, scene.light_groups ?? [], isLightless(scene));
     const variant = variantField(scene, start?.variant ?? null);
     const stand = standFields(scene, start, (moved) => camera.move(moved(camera.view())));
@@ -80,6 +81,7 @@ export function settingsForm(scene, submit, start = null, asShot = false) {
   const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(start?.denoise), onchange: () => (isDenoiseChosen = true) });
   const denoise = h("label", { class: "check" }, clean, t("Denoise"));
   const queue = queueFold(start);
+  const file = fileField(scene);
   update = () => {
     quality.update();
     const { size, shot } = parts;
@@ -133,7 +135,7 @@ export function settingsForm(scene, submit, start = null, asShot = false) {
     const { camera, variant, shot, others, stand, size } = parts;
     const fields = [camera.elements, variant.elements, shot.elements, others.light, stand.elements, size.elements, quality.elements];
     fill(advanced, camera.lens, others.basic, others.advanced, queue.element, program.element);
-    fill(element, fields.flat(), denoise, fold, bottom);
+    fill(element, file, fields.flat(), denoise, fold, bottom);
     update();
   };
   for (const type of ["input", "change"]) element.addEventListener(type, program.update);
