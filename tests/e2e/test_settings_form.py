@@ -231,6 +231,30 @@ def test_cameras_with_equal_names_are_distinguished(page: Page) -> None:
 
 
 @pytest.mark.long
+def test_scene_page_has_its_form_while_scene_is_prepared(page: Page) -> None:
+    """The fields are in place, disabled, with the preparation's progress above the disabled button."""
+    scene = {
+        **SCENE,
+        "status": "preparing",
+        "progress": 0.05,
+        "step": "reading",
+        "cameras": [],
+        "counts": {},
+        "warnings": [],
+        "main": "a.obj",
+    }
+    body = """
+        const farm = await import('/js/news/farm.js');
+        farm.scenes.set([a.scene]);
+        document.body.replaceChildren(m.sceneView(a.scene.id).element);"""
+    call(page, "views/scene", TOLD + body, {"scene": scene, "table": described(settings.SETTINGS)})
+    expect(page.get_by_label("Camera", exact=True)).to_be_disabled()
+    expect(page.get_by_label("Up axis", exact=True)).to_be_disabled()
+    expect(page.get_by_role("button", name="Render", exact=True)).to_be_disabled()
+    expect(page.locator(".submit").get_by_role("listitem").filter(has_text="Read")).to_have_attribute("aria-current", "step")
+
+
+@pytest.mark.long
 def test_side_is_requested_as_view(page: Page) -> None:
     open_form(page, scene={**SCENE, "bounds": [[-1, -1, -1], [1, 1, 1]]})
     page.get_by_label("Camera", exact=True).select_option(label="From the front")

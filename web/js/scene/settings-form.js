@@ -43,13 +43,14 @@ const LONG_S = 600;
  */
 
 /**
- * @param {Scene} scene ready
+ * @param {Scene} scene ready, unless `waiting` is given
  * @param {(request: JobRequest) => Promise<void>} submit
  * @param {FormStart | null} [start] what the form shows first; null: what the scene file asks for
  * @param {boolean} [asShot] whether an animated scene is rendered as a shot by default
+ * @param {HTMLElement | null} [waiting] shown in place of the cost while the scene is prepared; nothing can be chosen meanwhile
  * @returns {SettingsForm}
  */
-export function settingsForm(scene, submit, start = null, asShot = false) {
+export function settingsForm(scene, submit, start = null, asShot = false, waiting = null) {
   const { defaults } = scene;
   const estimate = h("p", { class: "quiet small number" });
   let update = () => {};
@@ -129,7 +130,7 @@ export function settingsForm(scene, submit, start = null, asShot = false) {
   };
   const advanced = h("div", { class: "stack" });
   const fold = h("details", { class: "advanced" }, h("summary", null, t("Advanced")), advanced);
-  const bottom = h("div", { class: "submit" }, estimate, why, render);
+  const bottom = h("div", { class: "submit" }, waiting ?? estimate, why, render);
   const element = h("form", { class: "settings", "aria-label": t("Render settings"), noValidate: true, onsubmit, onclick });
   const arrange = () => {
     const { camera, variant, shot, others, stand, size } = parts;
