@@ -59,6 +59,26 @@ def test_side_views_frame_scene(node: Node, up: list[int], side: str, towards: l
     assert 0.9 < max(across.max(), upward.max()) < 1
 
 
+@pytest.mark.parametrize(("room", "left"), [(10_000, 8), (350, 3)])
+def test_clear_views_are_kept_newest_first_within_bounds(node: Node, room: int, left: int) -> None:
+    """A tab keeps the pictures of the latest views, at most eight, and fewer if its storage is full."""
+    body = """
+        const store = new Map();
+        globalThis.sessionStorage = {
+            getItem: (key) => store.get(key) ?? null,
+            setItem(key, value) {
+                if (value.length > a) throw new Error("full");
+                store.set(key, value);
+            },
+        };
+        for (let i = 0; i < 10; i++) m.keepClearView("s", `${i}`, "x".repeat(50) + i);
+        m.keepClearView("s", "9", "latest");
+        return Array.from({ length: 10 }, (_, i) => m.clearView("s", `${9 - i}`).slice(-6));"""
+    found = node.call("scene/clear-views", body, room)
+    assert found[0] == "latest" and [bool(each) for each in found] == [i < left for i in range(10)]
+    assert node.call("scene/clear-views", "return m.clearView('other', '9');") == ""
+
+
 def test_orbiting_file_camera_keeps_horizon_level(node: Node) -> None:
     """Orbiting keeps the horizon level even if the file's camera has a tilted up vector.
 
