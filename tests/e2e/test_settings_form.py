@@ -222,11 +222,57 @@ def test_cameras_with_equal_names_are_distinguished(page: Page) -> None:
     front, auto = SCENE["cameras"]  # type: ignore[misc]
     open_form(page, scene={**SCENE, "cameras": [front, {**front, "name": "side"}, front, {**front, "name": "auto"}, auto]})
     camera = page.get_by_label("Camera", exact=True)
-    shown = ["front (1)", "side", "front (2)", "auto (1)", "Automatic: frames the scene", "Custom view …"]
-    expect(camera.get_by_role("option")).to_have_text(shown)
+    shown = ["front (1)", "side", "front (2)", "auto (1)", "Automatic: frames the scene"]
+    sides = ["From the front", "From the back", "From the left", "From the right", "From above"]
+    expect(camera.get_by_role("option")).to_have_text([*shown, *sides, "Custom view …"])
     for label, asked in zip(shown, ["front", "side", 2, "auto", 4], strict=False):
         camera.select_option(label=label)
         assert submitted_request(page)["camera"] == asked
+
+
+@pytest.mark.long
+def test_scene_page_has_its_form_while_scene_is_prepared(page: Page) -> None:
+    """The fields are in place, disabled, with the preparation's progress above the disabled button."""
+    scene = {
+        **SCENE,
+        "status": "preparing",
+        "progress": 0.05,
+        "step": "reading",
+        "cameras": [],
+        "counts": {},
+        "warnings": [],
+        "main": "a.obj",
+    }
+    body = """
+        const farm = await import('/js/news/farm.js');
+        farm.scenes.set([a.scene]);
+        document.body.replaceChildren(m.sceneView(a.scene.id).element);"""
+    call(page, "views/scene", TOLD + body, {"scene": scene, "table": described(settings.SETTINGS)})
+    expect(page.get_by_label("Camera", exact=True)).to_be_disabled()
+    expect(page.get_by_label("Up axis", exact=True)).to_be_disabled()
+    expect(page.get_by_role("button", name="Render", exact=True)).to_be_disabled()
+    expect(page.locator(".submit").get_by_role("listitem").filter(has_text="Read")).to_have_attribute("aria-current", "step")
+
+
+@pytest.mark.long
+def test_side_is_requested_as_view(page: Page) -> None:
+    open_form(page, scene={**SCENE, "bounds": [[-1, -1, -1], [1, 1, 1]]})
+    page.get_by_label("Camera", exact=True).select_option(label="From the front")
+    asked = submitted_request(page)
+    eye, target = asked["view"]["eye"], asked["view"]["target"]
+    assert "camera" not in asked and eye[2] > 1 and [*eye[:2], *target[:2]] == pytest.approx([0, 0, 0, 0])
+
+
+@pytest.mark.long
+def test_several_scenes_are_a_choice_and_no_warning(page: Page) -> None:
+    """An upload with several scenes has a choice of its files; its other warnings are one line that opens."""
+    several = {"code": "scene-files-several", "params": {"file": "a.obj", "others": ["b.obj"]}}
+    scene = {**SCENE, "warnings": ["Several scene files.", "One.", "Two."], "codes": {"warnings": [several, None, None]}}
+    open_form(page, scene=scene)
+    expect(page.get_by_label("File", exact=True).get_by_role("option")).to_have_text(["a.obj", "b.obj"])
+    call(page, "scene/scene-notices", "document.body.replaceChildren(m.warnings(a));", scene)
+    page.get_by_text("2 warnings").click()
+    expect(page.get_by_role("list", name="Warnings").get_by_role("listitem")).to_have_text(["One.", "Two."])
 
 
 @pytest.mark.long

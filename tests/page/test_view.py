@@ -33,6 +33,52 @@ def test_orbiting_keeps_target_and_distance(node: Node) -> None:
     np.testing.assert_allclose(back["eye"], VIEW["eye"], atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("up", "side", "towards"),
+    [
+        ([0, 1, 0], "front", [0, 0, 1]),
+        ([0, 1, 0], "left", [-1, 0, 0]),
+        ([0, 0, 1], "back", [0, 1, 0]),
+        ([0, 0, 1], "top", [0, 0, 1]),
+    ],
+)
+def test_side_views_frame_scene(node: Node, up: list[int], side: str, towards: list[int]) -> None:
+    """A side's camera stands on that side, and shows all of the scene's bounds tightly in a picture of 4:3."""
+    low, high = np.array([1.0, -2.0, 0.5]), np.array([2.0, 1.0, 5.0])
+    view = node.call(
+        "forms/side-views", "return m.sideView(a.side, a.bounds, a.up);", {"side": side, "bounds": [[*low], [*high]], "up": up}
+    )
+    eye, forward = vector(view, "eye"), vector(view, "target") - vector(view, "eye")
+    forward /= np.linalg.norm(forward)
+    assert -forward @ np.array(towards) >= math.cos(math.radians(1.01))
+    right = np.cross(forward, up) / np.linalg.norm(np.cross(forward, up))
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]) - eye
+    half = math.tan(math.radians(view["fov"] / 2))
+    across = np.abs(corners @ right) / (corners @ forward) / half / (4 / 3)
+    upward = np.abs(corners @ np.cross(right, forward)) / (corners @ forward) / half
+    assert 0.9 < max(across.max(), upward.max()) < 1
+
+
+@pytest.mark.parametrize(("room", "left"), [(10_000, 8), (350, 3)])
+def test_clear_views_are_kept_newest_first_within_bounds(node: Node, room: int, left: int) -> None:
+    """A tab keeps the pictures of the latest views, at most eight, and fewer if its storage is full."""
+    body = """
+        const store = new Map();
+        globalThis.sessionStorage = {
+            getItem: (key) => store.get(key) ?? null,
+            setItem(key, value) {
+                if (value.length > a) throw new Error("full");
+                store.set(key, value);
+            },
+        };
+        for (let i = 0; i < 10; i++) m.keepClearView("s", `${i}`, "x".repeat(50) + i);
+        m.keepClearView("s", "9", "latest");
+        return Array.from({ length: 10 }, (_, i) => m.clearView("s", `${9 - i}`).slice(-6));"""
+    found = node.call("scene/clear-views", body, room)
+    assert found[0] == "latest" and [bool(each) for each in found] == [i < left for i in range(10)]
+    assert node.call("scene/clear-views", "return m.clearView('other', '9');") == ""
+
+
 def test_orbiting_file_camera_keeps_horizon_level(node: Node) -> None:
     """Orbiting keeps the horizon level even if the file's camera has a tilted up vector.
 

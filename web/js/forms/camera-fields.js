@@ -1,7 +1,8 @@
-/** The camera of a picture: one of the scene's, unchanged or with another lens, or a custom one. */
+/** The camera of a picture: one of the scene's, unchanged or with another lens, one that frames the scene from a side, or a custom one. */
 
 import { h } from "../base/dom.js";
 import { field } from "./fields.js";
+import { SIDES, sideView } from "./side-views.js";
 import { viewFields } from "./view-fields.js";
 import { t } from "../base/words.js";
 
@@ -23,17 +24,20 @@ import { t } from "../base/words.js";
 
 const AUTO_CAMERA = "auto"; // a camera that every scene has
 const OWN_VIEW = "\0view"; // never the number of a camera
+const OF_SIDE = "\0side "; // before the name of a side
 
 /**
  * @param {Scene} scene
  * @param {(projection: string) => void} projected the user, or a camera, chose a projection
+ * @param {() => number[][] | null} bounds of the scene as it stands
  * @returns {CameraFields}
  */
-export function cameraFields({ cameras }, projected) {
+export function cameraFields({ cameras }, projected, bounds) {
   const camera = h(
     "select",
     null,
     cameras.map(({ name }, number) => h("option", { value: String(number) }, shownName(cameras, name, number))),
+    cameras.length > 0 && Object.entries(SIDES).map(([side, { label }]) => h("option", { value: OF_SIDE + side }, label)),
     h("option", { value: OWN_VIEW }, t("Custom view …")),
   );
   const view = viewFields(cameras[0]?.view, projected);
@@ -43,12 +47,16 @@ export function cameraFields({ cameras }, projected) {
     if (!view.place.hidden) view.place.open = true; // chosen here, it is typed; a turned view seldom is
     const chosen = cameras[Number(camera.value)]; // undefined for a custom view
     if (chosen) view.set(chosen.view); // the starting point of a custom view
+    if (!camera.value.startsWith(OF_SIDE)) return;
+    const [corners, up] = [bounds(), cameras.at(-1)?.view.up];
+    const side = corners && up && sideView(camera.value.slice(OF_SIDE.length), corners, up);
+    if (side) view.set(side);
   });
   show();
   return {
     elements: [field(t("Camera"), camera), view.place],
     lens: view.lens,
-    get: () => (camera.value === OWN_VIEW || view.isChanged() ? { view: view.get() } : { camera: asked(cameras, Number(camera.value)) }),
+    get: () => (camera.value === OWN_VIEW || camera.value.startsWith(OF_SIDE) || view.isChanged() ? { view: view.get() } : { camera: asked(cameras, Number(camera.value)) }),
     view: view.get,
     turn(to) {
       camera.value = OWN_VIEW;

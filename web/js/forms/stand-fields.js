@@ -24,7 +24,7 @@ const ROTATIONS = {
  * @param {Scene} scene
  * @param {{up?: string | null, floor?: string | null} | null} like what the fields show first, where it is not the scene's own
  * @param {(view: (view: View) => View) => void} turned the user chose another axis: moves a view along with the scene's centre
- * @returns {{elements: HTMLElement[], get: () => {up?: string, floor?: string}}}
+ * @returns {{elements: HTMLElement[], get: () => {up?: string, floor?: string}, bounds: () => number[][] | null}} bounds: of the scene, with the chosen axis up
  */
 export function standFields(scene, like, turned) {
   const own = scene.up ?? AUTO;
@@ -49,6 +49,7 @@ export function standFields(scene, like, turned) {
   const row = h("div", { class: "pairs stand" }, scene.up_axis ? field(t("Up axis"), up) : null, h("label", { class: "check" }, floor, t("Floor with shadows")));
   return {
     elements: [row],
+    bounds: () => withAxisUp(scene.bounds, axisOf(own), axis),
     get: () => ({
       ...(scene.up_axis && up.value !== own && { up: up.value }),
       ...(floor.checked !== hasFloor && { floor: floor.checked ? "on" : "off" }),
@@ -77,6 +78,19 @@ export function withAxis(view, bounds, shown, before, after) {
   const to = upright(after, centre);
   const move = (/** @type {Vec3} */ point) => /** @type {Vec3} */ (point.map((value, k) => value + (to[k] ?? 0) - (from[k] ?? 0)));
   return { ...view, eye: move(view.eye), target: move(view.target) };
+}
+
+/**
+ * Returns a scene's bounds after another axis was selected as up.
+ *
+ * @param {number[][] | null} bounds of the scene with `shown` up
+ * @param {string} shown
+ * @param {string} after
+ * @returns {number[][] | null}
+ */
+function withAxisUp(bounds, shown, after) {
+  const corners = bounds?.map((corner) => upright(after, inFile(shown, corner)));
+  return corners ? [Math.min, Math.max].map((most) => [0, 1, 2].map((k) => most(...corners.map((corner) => corner[k] ?? 0)))) : null;
 }
 
 /** @param {string} axis @param {number[]} point of the file @returns {number[]} with that axis up */

@@ -10,8 +10,8 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").Setting} Setting */
 
-/** @type {View} */
-const START = { eye: [0, 0, 5], target: [0, 0, 0], up: [0, 1, 0], fov: 40 };
+/** The view of a scene that is not known yet. @type {View} */
+export const START = { eye: [0, 0, 5], target: [0, 0, 0], up: [0, 1, 0], fov: 40 };
 
 /**
  * @param {View} [start]

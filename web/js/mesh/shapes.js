@@ -231,16 +231,24 @@ const LINEAR = Float64Array.from({ length: 256 }, (_, code) => (code <= 0.04045 
 /** Returns the product of two colour values, from 0 to 255, sRGB. @param {number} a @param {number} b */
 const product = (a, b) => (a === 255 ? b : b === 255 ? a : Math.round(255 * encoded((LINEAR[a] ?? 0) * (LINEAR[b] ?? 0))));
 
-/** Returns the view that the service's automatic camera has. @param {Float64Array} places @returns {View} */
-export function frame(places) {
-  const length = Math.hypot(1, 0.62, 0.42);
-  /** @type {Vec3} */
-  const back = [0.62 / length, 0.42 / length, 1 / length];
-  const flat = Math.hypot(back[0], back[2]);
-  /** @type {Vec3} */
-  const right = [back[2] / flat, 0, -back[0] / flat];
-  /** @type {Vec3} */
-  const above = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
+/** @param {Vec3} a @param {Vec3} b @returns {Vec3} */
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+
+/** @param {Vec3} vector @returns {Vec3} */
+const unit = (vector) => /** @type {Vec3} */ (vector.map((value) => value / Math.hypot(...vector)));
+
+/**
+ * Returns the view that frames points tightly: by default as the service's automatic camera does.
+ *
+ * @param {Float64Array} places
+ * @param {Vec3} [towards] direction from the scene to the camera, of any length, not along `up`
+ * @param {Vec3} [up] unit vector
+ * @returns {View}
+ */
+export function frame(places, towards = [0.62, 0.42, 1], up = [0, 1, 0]) {
+  const back = unit(towards);
+  const right = unit(cross(up, back));
+  const above = cross(back, right);
   const tall = Math.tan((FOV * Math.PI) / 360) / MARGIN;
   const slopes = [tall * ASPECT, tall];
   // For each axis the points determine the two planes of the frustum, and the eye is on their intersection.
@@ -269,7 +277,7 @@ export function frame(places) {
   const reach = [0, 1].map((i) => ((highest[i] ?? 0) + (lowest[i] ?? 0)) / (2 * (slopes[i] ?? 1)));
   const away = Math.max(...reach, nearest + 0.05 * size);
   const point = (/** @type {number} */ depth) => /** @type {Vec3} */ ([0, 1, 2].map((i) => (at[0] ?? 0) * (right[i] ?? 0) + (at[1] ?? 0) * (above[i] ?? 0) + depth * (back[i] ?? 0)));
-  return { eye: point(away), target: point((nearest + farthest) / 2), up: [0, 1, 0], fov: FOV };
+  return { eye: point(away), target: point((nearest + farthest) / 2), up, fov: FOV };
 }
 
 /**

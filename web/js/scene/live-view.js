@@ -17,6 +17,7 @@ import { PLACE_SUN } from "../forms/environment-fields.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
 import { clarity, clarityField } from "./clarity.js";
+import { clearView, keepClearView } from "./clear-views.js";
 import { MeshCanvas } from "./mesh-canvas.js";
 import { people } from "./people.js";
 import { denoiseView } from "./denoise-view.js";
@@ -44,8 +45,8 @@ import { t, tn } from "../base/words.js";
 /** Maximum number of pixels rendered, whatever the screen's size. */
 const MOST_PIXELS = 1 << 20;
 const LEAST_SIDE = 16;
-/** Longer side of a take's picture, in pixels. */
-const TAKE_SIDE = 320;
+/** Longer sides, in pixels, of a take's picture, and of the one that is shown when the view is opened again. */
+const [TAKE_SIDE, CLEAR_SIDE] = [320, 1280];
 /** Interval, in milliseconds, of checks whether the view is too dark; and by how many stops it has to be so for an offer. */
 const [DARKNESS_MS, DULL_STOPS] = [500, 2];
 /** Samples per pixel after which a view that is never denoised replaces a finished picture; and the preview mesh. */
@@ -126,7 +127,17 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (!(error instanceof CannotShow)) throw error;
     return { element: h("p", { class: "notice" }, error.message), takes: null, refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), firstLook: () => ({ film: new Film(1, 1), isSame: false, clean: "" }) };
   }
+  /** The fields of the form's request that a view reads. */
+  const viewRequest = () => {
+    /** @type {Record<string, any>} */
+    const request = { ...form.request() };
+    if (request.frames) request.frame = firstOf(request.frames);
+    for (const name of JOB_ONLY_FIELDS) delete request[name];
+    return request;
+  };
   // A previous picture of the scene, or its preview mesh, until the first samples arrive.
+  const known = clearView(scene.id, JSON.stringify(viewRequest()));
+  if (known) meanwhile = { url: known, nearest: "", isFinished: true, isSame: true };
   const mesh = new MeshCanvas(meshed);
   mesh.setScene(scene);
   let isSampled = false;
@@ -144,7 +155,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       () => {}, // the samples come without it
     );
   };
-  const hasMeshFirst = !meanwhile.url || (hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
+  const hasMeshFirst = !meanwhile.url || (!known && hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
   if (hasMeshFirst) showMesh();
   canvas.classList.toggle("held-back", !hasMeshFirst && (meanwhile.isFinished || (meanwhile.isSame && denoise.request().denoise)));
   const release = () => {
@@ -280,6 +291,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let lookedAt = -Infinity;
   /** When the view had MESH_SPP samples per pixel; 0: not yet. */
   let sampledAt = 0;
+  /** Id of the latest view that was clear. @type {number | null} */
+  let clearId = null;
   /** Id of the latest view that had so many. @type {number | null} */
   let sampledView = null;
 
@@ -317,14 +330,16 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
       // The preview mesh is sharp: what replaces it must be as fine, and not smeared by denoising few samples.
       const isMeshTrue = mesh.kept === null && !meshed.hidden && !isChanged;
-      const isSharp = !isMeshTrue || done || !isDenoisedSoon || mean >= SHARP_SPP;
+      const isClearBelow = isMeshTrue || (isCleanBelow && known !== "");
+      const isSharp = !isClearBelow || done || !isDenoisedSoon || mean >= SHARP_SPP;
       const isEnough = mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
       const isReady = (done && !isDenoisedSoon) || (denoised && isFineEnough() && isSharp) || (isEnough && (isFineEnough() || !isMeshTrue));
       if (isReady && (isLatest || !mesh.kept)) release();
       else if (denoised) keepNewer(next.id);
       setDenoised(denoised);
+      if (isLatest && (done || (denoised && mean >= SHARP_SPP))) clearId = next.id;
       if (message) say(saidOf(next, "message"));
-      else if (bound) say(clarity(mean, noise, done, isCovered && !meshed.hidden && canvas.classList.contains("held-back")), done);
+      else if (bound) say(clarity(mean, noise, done, isCovered && (known !== "" || !meshed.hidden) && canvas.classList.contains("held-back")), done);
       state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");
     },
     failed: (sentence) => say(sentence),
@@ -359,14 +374,6 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let lastAsked;
   /** Width of the view in CSS pixels. */
   let wide = 0;
-  /** The fields of the form's request that a view reads. */
-  const viewRequest = () => {
-    /** @type {Record<string, any>} */
-    const request = { ...form.request() };
-    if (request.frames) request.frame = firstOf(request.frames);
-    for (const name of JOB_ONLY_FIELDS) delete request[name];
-    return request;
-  };
   const refresh = () => {
     if (!form.element.checkValidity()) return;
     const request = viewRequest();
@@ -569,6 +576,14 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     refresh();
   });
   for (const each of [surface, stage.element]) resizing.observe(each);
+  /** Keeps the view's picture for the next time that it is opened, if it is clear and looks as a view does that is opened. */
+  const keepClear = () => {
+    const isUsual = look.value.exposure === 0 && look.value.curve === DEFAULT_CURVE;
+    const isShown = clearId === link.id && Number(surface.dataset.view) === clearId && !link.pending && !canvas.classList.contains("held-back");
+    const request = viewRequest();
+    if (isUsual && isShown && request["background"] !== "transparent") keepClearView(scene.id, JSON.stringify(request), pictureUrl(picture, canvas, CLEAR_SIDE));
+  };
+  addEventListener("pagehide", keepClear);
   refresh();
   if (!instead.isOpen) tell();
   return {
@@ -582,6 +597,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       return { film: film.film, isSame, clean: !isHeld ? "" : meshed.hidden ? meanwhile.url : meshPicture(mesh, meshed) };
     },
     dispose() {
+      keepClear();
+      removeEventListener("pagehide", keepClear);
       isDisposed = true;
       clearTimeout(uncovering);
       resizing.disconnect();
@@ -605,20 +622,26 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 const canKeep = (from, to) =>
   JSON.stringify(from) === JSON.stringify(to) || ((from.projection ?? "perspective") === (to.projection ?? "perspective") && from.projection !== "panorama");
 
+/** Returns what a view shows as a small picture in base64. @param {FilmCanvas} picture @param {HTMLCanvasElement} canvas of the picture */
+function smallPicture(picture, canvas) {
+  const url = pictureUrl(picture, canvas, TAKE_SIDE);
+  return url.slice(url.indexOf(",") + 1);
+}
+
 /**
- * Returns what a view shows as a small picture in base64.
+ * Returns what a view shows as the URL of a picture.
  *
  * @param {FilmCanvas} picture
  * @param {HTMLCanvasElement} canvas of the picture
+ * @param {number} side the longer one, in pixels, at most
  */
-function smallPicture(picture, canvas) {
+function pictureUrl(picture, canvas, side) {
   picture.draw(); // WebGL keeps its picture only until the next frame
-  const scale = Math.min(1, TAKE_SIDE / Math.max(canvas.width, canvas.height));
+  const scale = Math.min(1, side / Math.max(canvas.width, canvas.height));
   const small = h("canvas", { width: Math.max(1, Math.round(canvas.width * scale)), height: Math.max(1, Math.round(canvas.height * scale)) });
   small.getContext("2d")?.drawImage(canvas, 0, 0, small.width, small.height);
   const url = small.toDataURL("image/webp", 0.85);
-  const encoded = url.startsWith("data:image/webp") ? url : small.toDataURL("image/jpeg", 0.85); // Safari writes no WebP
-  return encoded.slice(encoded.indexOf(",") + 1);
+  return url.startsWith("data:image/webp") ? url : small.toDataURL("image/jpeg", 0.85); // Safari writes no WebP
 }
 
 /**

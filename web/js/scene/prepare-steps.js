@@ -2,6 +2,7 @@
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { jobs } from "../news/farm.js";
 import { uploadSeconds } from "../news/upload-times.js";
 import { t } from "../base/words.js";
 
@@ -22,6 +23,15 @@ export function stepOf({ progress, codes }) {
   if (codes?.["step"]?.code === "compiling-renderer") return "compile";
   if (!progress) return null;
   return progress < BUILT_FROM ? "read" : progress < RENDERED_FROM ? "build" : "render";
+}
+
+/** Seconds after which a step's time is explained. */
+const SLOW_S = 2;
+
+/** Returns why a step takes its time, as far as the page knows. @param {number} seconds so far */
+function reasonOf(seconds) {
+  const isBusy = seconds > SLOW_S && jobs.value?.some(({ state }) => state === "running");
+  return isBusy ? t("beside a picture that is rendered") : "";
 }
 
 /** Times of the steps of one preparation, as the page hears of them. */
@@ -62,7 +72,7 @@ export function prepareSteps(scene) {
       const took = isCurrent ? now() - times.since : times.took[step];
       // Skipped steps were already done.
       if (step === "compile" && !isCurrent && took === undefined) return null;
-      const hint = step === "compile" && isCurrent && h("span", { class: "quiet small" }, t("first time, about 40 s"));
+      const hint = isCurrent && h("span", { class: "quiet small" }, step === "compile" ? t("first time, about 40 s") : reasonOf(took ?? 0));
       return h(
         "li",
         { class: isCurrent ? "current" : isDone ? "done" : "", "aria-current": isCurrent ? "step" : null },

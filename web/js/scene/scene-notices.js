@@ -5,13 +5,14 @@ import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { said, saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
+import { field } from "../forms/fields.js";
 import { choose } from "../shell/drops.js";
 import { addFiles, showOther } from "../shell/uploads.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 
-/** Number of warnings that are not folded: the first is the most important, and more would push the settings out of sight. */
-const WARNINGS_SHOWN = 1;
+/** Codes of warnings that the form shows as a choice. */
+const WITHOUT_WARNING = [WITHOUT_LIGHT, SEVERAL_SCENES];
 
 /** @param {Scene} scene @param {string} sentence one of its warnings */
 const codedOf = (scene, sentence) => scene.codes?.["warnings"]?.[scene.warnings.indexOf(sentence)];
@@ -60,28 +61,40 @@ function warningList(scene, some) {
   return h("ul", { "aria-label": t("Warnings") }, some.map((sentence) => h("li", null, warning(scene, sentence))));
 }
 
-/** The warnings about a scene: ignored or approximated parts. @param {Scene} scene */
+/** The warnings about a scene, ignored or approximated parts, as a line that opens. @param {Scene} scene */
 export function warnings(scene) {
-  const sentences = scene.warnings.filter((sentence) => !hasCode(codedOf(scene, sentence), WITHOUT_LIGHT));
-  if (!sentences.length) return null;
-  const rest = sentences.slice(WARNINGS_SHOWN);
-  const notice = h(
+  const sentences = scene.warnings.filter((sentence) => !WITHOUT_WARNING.some((code) => hasCode(codedOf(scene, sentence), code)));
+  const [first] = sentences;
+  if (first === undefined) return null;
+  return h(
     "div",
-    { class: "notice warning" },
+    { class: "notice warning folded" },
     icon("warning"),
     h(
-      "div",
+      "details",
       { class: "grow" },
-      warningList(scene, sentences.slice(0, WARNINGS_SHOWN)),
-      h(
-        "div",
-        { class: "row wraps spread" },
-        rest.length > 0 && h("details", { class: "more-warnings" }, h("summary", null, tn(rest.length, "{n} more warning", "{n} more warnings")), warningList(scene, rest)),
-        addButton(scene, sentences.map((sentence) => codedOf(scene, sentence))),
-      ),
+      h("summary", null, h("strong", null, tn(sentences.length, "{n} warning", "{n} warnings")), h("span", { class: "first-warning quiet" }, said(first, codedOf(scene, first)))),
+      warningList(scene, sentences),
     ),
+    addButton(scene, sentences.map((sentence) => codedOf(scene, sentence))),
   );
-  return notice;
+}
+
+/** A choice among the scenes of one upload; another one opens as a scene of its own. @param {Scene} scene @returns {HTMLElement | null} null if there is only one */
+export function fileField(scene) {
+  const coded = scene.codes?.["warnings"]?.find((/** @type {import("../base/said.js").Coded | null} */ each) => hasCode(each, SEVERAL_SCENES));
+  if (!coded) return null;
+  const { file, others } = coded.params;
+  const select = h("select", null, [file, ...others].map((/** @type {string} */ name) => h("option", { value: name }, name)));
+  select.addEventListener("change", (event) => {
+    event.stopPropagation(); // it is no setting of this scene's pictures
+    void showOther(scene, select.value);
+    select.value = file;
+  });
+  select.addEventListener("input", (event) => event.stopPropagation());
+  const element = field(t("File"), select);
+  element.classList.add("for-submit");
+  return element;
 }
 
 /** @param {Scene} scene @param {string} sentence @returns {import("../base/dom.js").Child[]} */

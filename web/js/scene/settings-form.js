@@ -3,6 +3,7 @@
 import { byProgram } from "../forms/by-program.js";
 import { canDenoise } from "../job/denoise-fields.js";
 import { isViewDenoised } from "./denoise-view.js";
+import { fileField } from "./scene-notices.js";
 import { cameraFields } from "../forms/camera-fields.js";
 import { isLightless } from "../base/light-words.js";
 import { fill, h, setText } from "../base/dom.js";
@@ -42,13 +43,14 @@ const LONG_S = 600;
  */
 
 /**
- * @param {Scene} scene ready
+ * @param {Scene} scene ready, unless `waiting` is given
  * @param {(request: JobRequest) => Promise<void>} submit
  * @param {FormStart | null} [start] what the form shows first; null: what the scene file asks for
  * @param {boolean} [asShot] whether an animated scene is rendered as a shot by default
+ * @param {HTMLElement | null} [waiting] shown in place of the cost while the scene is prepared; nothing can be chosen meanwhile
  * @returns {SettingsForm}
  */
-export function settingsForm(scene, submit, start = null, asShot = false) {
+export function settingsForm(scene, submit, start = null, asShot = false, waiting = null) {
   const { defaults } = scene;
   const estimate = h("p", { class: "quiet small number" });
   let update = () => {};
@@ -66,7 +68,7 @@ export function settingsForm(scene, submit, start = null, asShot = false) {
     const first = start?.first ?? {};
     const shot = shotFields(scene, start?.shot ?? null, () => update(), asShot && !start);
     const size = sizeFields({ ...defaults, ...first }, () => update());
-    const camera = cameraFields(scene, (projection) => size.suit(projection));
+    const camera = cameraFields(scene, (projection) => size.suit(projection), () => stand.bounds());
     const others = settingFields(defaults, first, scene.light_groups ?? [], isLightless(scene));
     const variant = variantField(scene, start?.variant ?? null);
     const stand = standFields(scene, start, (moved) => camera.move(moved(camera.view())));
@@ -80,6 +82,7 @@ export function settingsForm(scene, submit, start = null, asShot = false) {
   const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(start?.denoise), onchange: () => (isDenoiseChosen = true) });
   const denoise = h("label", { class: "check" }, clean, t("Denoise"));
   const queue = queueFold(start);
+  const file = fileField(scene);
   update = () => {
     quality.update();
     const { size, shot } = parts;
@@ -127,13 +130,13 @@ export function settingsForm(scene, submit, start = null, asShot = false) {
   };
   const advanced = h("div", { class: "stack" });
   const fold = h("details", { class: "advanced" }, h("summary", null, t("Advanced")), advanced);
-  const bottom = h("div", { class: "submit" }, estimate, why, render);
+  const bottom = h("div", { class: "submit" }, waiting ?? estimate, why, render);
   const element = h("form", { class: "settings", "aria-label": t("Render settings"), noValidate: true, onsubmit, onclick });
   const arrange = () => {
     const { camera, variant, shot, others, stand, size } = parts;
     const fields = [camera.elements, variant.elements, shot.elements, others.light, stand.elements, size.elements, quality.elements];
     fill(advanced, camera.lens, others.basic, others.advanced, queue.element, program.element);
-    fill(element, fields.flat(), denoise, fold, bottom);
+    fill(element, file, fields.flat(), denoise, fold, bottom);
     update();
   };
   for (const type of ["input", "change"]) element.addEventListener(type, program.update);

@@ -2,6 +2,7 @@
 
 import { examplePictures } from "../news/example-pictures.js";
 import { createJob, getScene, imageUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
+import { WITHOUT_LIGHT } from "../base/codes.js";
 import { fill, h, setFacts, setText } from "../base/dom.js";
 import { adoptJob, adoptScene, jobs, putScene, scenes, workers } from "../news/farm.js";
 import { bytes, count, extent } from "../base/format.js";
@@ -12,6 +13,7 @@ import { offer } from "../news/projects.js";
 import { failedScene } from "../scene/failed-scene.js";
 import { startOfJob } from "../scene/form-start.js";
 import { settingsForm } from "../scene/settings-form.js";
+import { START } from "../forms/view-fields.js";
 import { keepFirstLook } from "../film/first-look.js";
 import { firstFrame } from "../base/shot-words.js";
 import { addShortcuts } from "../shell/shortcuts.js";
@@ -21,7 +23,7 @@ import { announce, showError } from "../shell/tray.js";
 import { lookParams } from "../job/display-panel.js";
 import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
-import { prepareSteps } from "../scene/prepare-steps.js";
+import { prepareSteps, stepOf } from "../scene/prepare-steps.js";
 import { preparingView } from "../scene/preparing-view.js";
 import { takeTurned } from "../scene/preview-mesh.js";
 import { renderStrip } from "../scene/render-strip.js";
@@ -112,6 +114,9 @@ function preparing(page, scene, life) {
   const notice = h("div", { class: "notice-slot" });
   const steps = prepareSteps(scene);
   const view = preparingView(scene);
+  const status = h("section", { class: "preparing-panel", "aria-label": t("Preparing") }, chip.element, bar.element, step, steps.element);
+  const form = settingsForm(draftOf(scene), async () => {}, null, false, status);
+  life.add(form.dispose);
   page.classList.add("workspace");
   life.add(() => page.classList.remove("workspace"));
   life.add(view.dispose);
@@ -126,15 +131,26 @@ function preparing(page, scene, life) {
       "div",
       { class: "workspace-columns" },
       h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, view.element)),
-      h("div", { class: "workspace-side" }, h("section", { class: "panel preparing-panel", "aria-label": t("Preparing") }, chip.element, bar.element, step, steps.element)),
+      h("div", { class: "workspace-side" }, h("section", { class: "panel", "aria-label": t("Render") }, h("fieldset", { class: "not-yet", disabled: true }, form.element))),
     ),
   );
   return (next) => {
     setText(step, stepWords(next));
-    bar.update(next.progress);
+    bar.update(stepOf(next) === "read" ? null : next.progress); // how much is left to read is not known
     steps.update(next);
     view.update(next, stepWords(next));
   };
+}
+
+/** Files that state no up axis (renderer/scene/readers/up_axis.py), and have no lights. */
+const MESH_FILE = /\.(obj|ply|stl)$/i;
+
+/** Returns what the form shows until the scene is known: the automatic camera, and of a mesh file its guessed axis and the studio's light. @param {Scene} scene @returns {Scene} */
+function draftOf(scene) {
+  const cameras = scene.cameras.length ? scene.cameras : [{ name: "auto", view: START }];
+  const isMesh = MESH_FILE.test(scene.main ?? "") && !scene.environment;
+  const codes = { ...scene.codes, warnings: [{ code: WITHOUT_LIGHT, params: {} }] };
+  return { ...scene, cameras, ...(isMesh && { up_axis: "y", up: scene.up ?? "auto", codes }) };
 }
 
 /** Interval and maximum duration, in milliseconds, of polling for a preview, since events come only twice a second. */
