@@ -40,7 +40,7 @@ from protocol.contract import (
 )
 from tests.helpers import ROOT, wait_until
 
-__all__ = ["Bench", "FakeService", "a_worker", "processor_time", "rendering_slot", "slots_of"]
+__all__ = ["Bench", "FakeService", "a_worker", "processor_time", "processor_times", "rendering_slot", "slots_of"]
 
 
 class FakeService(BaseHTTPRequestHandler):
@@ -220,8 +220,15 @@ def processor_time(slot: psutil.Process) -> float:
         return -1.0
 
 
-def rendering_slot(parent: int) -> psutil.Process:
-    """Waits until a slot of the worker with process id `parent` uses its core, and returns that slot's process."""
-    before = {slot: processor_time(slot) for slot in slots_of(parent)}
+def processor_times(parent: int) -> dict[psutil.Process, float]:
+    """Returns the slots of the worker with process id `parent`, each with its processor time in seconds."""
+    return {slot: processor_time(slot) for slot in slots_of(parent)}
+
+
+def rendering_slot(before: dict[psutil.Process, float]) -> psutil.Process:
+    """Waits until one of a worker's slots uses its core, and returns the slot that has used it most.
+
+    before: `processor_times` when the work was handed out: reports of it may come when most of it is done.
+    """
     wait_until(lambda: any(processor_time(slot) - then > 0.4 for slot, then in before.items()), 30, "a slot uses its core")
     return max(before, key=lambda slot: processor_time(slot) - before[slot])

@@ -62,7 +62,7 @@ from renderer.temporal_denoise import DenoisedFrame, stabilised_frame
 from tests.helpers import ROOT, wait_until
 from tests.rayfarm.test_stage import animated_test_scene
 from tests.renderer.builders import emitter, scene, square
-from tests.worker.bench import Bench, a_worker, processor_time, rendering_slot, slots_of
+from tests.worker.bench import Bench, a_worker, processor_time, processor_times, rendering_slot, slots_of
 
 SCENE = """
 shapes:
@@ -464,14 +464,6 @@ def busy_with(bench: Bench, count: int) -> bool:
     return report is not None and any(doing.get("count") == count and "batch" in doing for doing in report.current)
 
 
-def kill_the_slot_with(bench: Bench, count: int) -> None:
-    wait_until(lambda: busy_with(bench, count), 30, "a slot renders the batch")
-    victim = rendering_slot(bench.process.pid)
-    victim.kill()
-    victim.wait(10)
-    wait_until(lambda: len(slots_of(bench.process.pid)) == 2, 20, "the slot is filled again")
-
-
 def kill_slots_until_result(bench: Bench, name: str) -> None:
     """Kills each slot of the worker that becomes busy, until the worker has sent a result for the batch with the id `name`.
 
@@ -494,8 +486,13 @@ def kill_slots_until_result(bench: Bench, name: str) -> None:
 
 
 def test_batch_of_killed_slot_is_rendered_again(bench: Bench, info: SceneInfo) -> None:
+    before = processor_times(bench.process.pid)
     bench.render(batch_of(info, "long", 0, 3000))
-    kill_the_slot_with(bench, 3000)
+    wait_until(lambda: busy_with(bench, 3000), 30, "a slot renders the batch")
+    victim = rendering_slot(before)
+    victim.kill()
+    victim.wait(10)
+    wait_until(lambda: len(slots_of(bench.process.pid)) == 2, 20, "the slot is filled again")
     event = bench.next("batch", "batch-failed").event
     assert (event["type"], event["batch"]) == ("batch", "long"), event
 

@@ -15,7 +15,7 @@ from protocol.joint import RENDER_JOINTLY, JointBatch, Piece
 from protocol.sums import PACKED, pack_sums, unpack_sums
 from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import wait_until
-from tests.worker.bench import Bench, a_worker, rendering_slot, slots_of
+from tests.worker.bench import Bench, a_worker, processor_times, rendering_slot, slots_of
 from tests.worker.test_worker import SCENE
 from worker.site.merging import merged_results
 
@@ -81,11 +81,12 @@ def test_surplus_pieces_are_requeued(bench: Bench, info: SceneInfo) -> None:
 @pytest.mark.long
 def test_killed_slot_loses_only_its_piece(bench: Bench, info: SceneInfo) -> None:
     long = 3500
+    before = processor_times(bench.process.pid)
     hand_out(bench, joint(info, "killed", [4, long, 4]))
     wait_until(lambda: _has(bench, long), 30, "a slot renders the long piece")
     assert bench.report().in_hand == ["killed"]  # type: ignore[union-attr]
     wait_until(lambda: sum(map(bool, bench.report().current)) == 1, 30, "the others have ended")  # type: ignore[union-attr]
-    rendering_slot(bench.process.pid).kill()
+    rendering_slot(before).kill()
     found = [bench.next("batches", "batch", "batch-failed") for _ in range(2)]
     assert ranges(found) == [(0, 4), (4 + long, 4)], "its message may come again: then it is rendered once more, by itself"
 
