@@ -13,12 +13,13 @@ const KEY = "rayfarm-view-noise";
  * @param {number | null} noise relative; null: unknown with so few samples
  * @param {boolean} isDone
  * @param {boolean} [isPreview] whether the preview mesh or an earlier picture is shown in its place
+ * @param {boolean} [isDenoised] whether the noise is not seen
  */
-export function clarity(mean, noise, isDone, isPreview = false) {
+export function clarity(mean, noise, isDone, isPreview = false, isDenoised = false) {
   const samples = t("{n} spp", { n: mean < 10 ? Number(mean.toPrecision(2)) : Math.round(mean) });
   if (isPreview) return mean ? t("Preview, {samples} rendered …", { samples }) : t("Preview, rendering …");
   if (!mean) return t("Waiting for the first samples …");
-  const left = noise === null ? "" : t("{noise} noise", { noise: percent(noise) });
+  const left = isDenoised ? t("denoised") : noise === null ? "" : t("{noise} noise", { noise: percent(noise) });
   return [samples, left, isDone && t("done")].filter(Boolean).join(", ");
 }
 

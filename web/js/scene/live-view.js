@@ -339,7 +339,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       setDenoised(denoised);
       if (isLatest && (done || (denoised && mean >= SHARP_SPP))) clearId = next.id;
       if (message) say(saidOf(next, "message"));
-      else if (bound) say(clarity(mean, noise, done, isCovered && (known !== "" || !meshed.hidden) && canvas.classList.contains("held-back")), done);
+      else if (bound) say(clarity(mean, noise, done, isCovered && (known !== "" || !meshed.hidden) && canvas.classList.contains("held-back"), denoised), done);
       state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");
     },
     failed: (sentence) => say(sentence),

@@ -8,6 +8,7 @@ import { icon } from "../base/icons.js";
 import { linkTo } from "./router.js";
 import { session } from "../news/session.js";
 import { shortcuts } from "./shortcuts.js";
+import { THEMES, chooseTheme } from "./theme-button.js";
 import { announce } from "./tray.js";
 import { t, tn } from "../base/words.js";
 
@@ -53,10 +54,11 @@ function pages(nav) {
   ];
 }
 
-/** @returns {Command[]} what the current view's keys do */
+/** @returns {Command[]} what the current view's keys do, and the themes */
 function actions() {
   const listed = shortcuts().filter(({ keys, shown }) => shown !== null && keys !== PALETTE_KEYS && keys !== "?");
-  return listed.map(({ keys, shown, does, run }) => ({ group: ACTIONS, symbol: "play", label: does, note: shown ?? keys, run }));
+  const themes = THEMES.map(([name, symbol, label]) => ({ group: ACTIONS, symbol, label, run: () => chooseTheme(name) }));
+  return [...listed.map(({ keys, shown, does, run }) => ({ group: ACTIONS, symbol: /** @type {IconName} */ ("play"), label: does, note: shown ?? keys, run })), ...themes];
 }
 
 /** Unites known items with those that the service has found. @template {{id: string}} T @param {T[] | null} known @param {T[]} found */

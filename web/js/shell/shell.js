@@ -12,22 +12,15 @@ import { languageMenu } from "./language-menu.js";
 import { showPalette } from "./palette.js";
 import { projectMenu } from "./project-menu.js";
 import { linkTo } from "./router.js";
+import { themeButton } from "./theme-button.js";
 import { announce } from "./tray.js";
 import { t } from "../base/words.js";
-
-/** @typedef {"system" | "light" | "dark"} Theme */
 
 /** Shorter interruptions are not shown. */
 const LOST_AFTER_MS = 1500;
 
 /** Relative to the modules, so with the same version in the URL. */
 const ICON = new URL("../../icon.svg", import.meta.url).href;
-
-const THEMES = /** @type {const} */ ([
-  ["system", "auto", t("Theme: as the system")],
-  ["light", "sun", t("Theme: light")],
-  ["dark", "moon", t("Theme: dark")],
-]);
 
 /**
  * Builds the top bar.
@@ -158,24 +151,4 @@ function accountLink() {
   const { login, name } = session.value;
   if (!login || name === null) return null;
   return h("a", { class: "icon-button account-link", href: linkTo("account"), title: t("Logged in as {name}", { name }), "aria-label": t("Logged in as {name}", { name }) }, icon("person"));
-}
-
-function themeButton() {
-  /** @type {{get: () => Theme, set: (theme: Theme) => void}} */
-  const theme = /** @type {any} */ (window).rayfarmTheme;
-  const button = h("button", { class: "icon-button", type: "button" });
-  const show = () => {
-    const [, symbol, label] = THEMES.find(([name]) => name === theme.get()) ?? THEMES[0];
-    fill(button, icon(symbol));
-    button.setAttribute("aria-label", label);
-    button.title = label;
-  };
-  button.addEventListener("click", () => {
-    const at = THEMES.findIndex(([name]) => name === theme.get());
-    theme.set((THEMES[(at + 1) % THEMES.length] ?? THEMES[0])[0]);
-    show();
-    announce(button.title);
-  });
-  show();
-  return button;
 }
