@@ -7,8 +7,8 @@ import { roughly } from "../base/format.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
-/** Time constant of the smoothing. */
-const SMOOTHING_S = 30;
+/** Longest and shortest time constant of the smoothing; between them it is half of the remaining time. */
+const [SMOOTHING_S, LEAST_SMOOTHING_S] = [30, 2];
 const MIN_PROGRESS = 0.05;
 
 /** Exponentially smoothed end of one job. */
@@ -22,7 +22,8 @@ export class SmoothedEnd {
   /** @param {number} left forecast remaining seconds @param {number} now seconds */
   add(left, now) {
     const end = now + left;
-    const weight = this.end === null ? 1 : 1 - Math.exp(-Math.max(now - this.at, 0) / SMOOTHING_S);
+    const smoothing = Math.max(Math.min(left / 2, SMOOTHING_S), LEAST_SMOOTHING_S);
+    const weight = this.end === null ? 1 : 1 - Math.exp(-Math.max(now - this.at, 0) / smoothing);
     this.end = this.end === null ? end : this.end + weight * (end - this.end);
     this.at = now;
   }

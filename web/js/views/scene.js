@@ -345,7 +345,10 @@ function facts(scene) {
   ]);
   return h(
     "details",
-    { class: "scene-facts small number" },
+    {
+      class: "scene-facts small number",
+      ontoggle: (/** @type {Event} */ { currentTarget }) => currentTarget instanceof HTMLDetailsElement && currentTarget.open && currentTarget.scrollIntoView({ block: "end", behavior: "smooth" }),
+    },
     h("summary", null, line),
     h("dl", { class: "facts tiles" }, rows.map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value)))),
   );
