@@ -107,7 +107,7 @@ def test_list_from_farm_is_accepted() -> None:
     [
         (http_answer(b"<html>Bad Gateway", "text/html", "502 Bad Gateway"), "answers 502"),
         (http_answer(b"", "text/html", "503 Service Unavailable"), "answers 503"),
-        (http_answer(b"<html>login", "text/html", "401 Unauthorized"), "a login stands before it"),
+        (http_answer(b"<html>login", "text/html", "401 Unauthorized"), "it asks for a login"),
         (http_answer(b'{"id": "x"', length=9000), "does not answer"),
         (b"SSH-2.0-OpenSSH_9.2\r\n", "does not answer"),
         (b"", "does not answer"),

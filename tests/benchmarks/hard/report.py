@@ -31,7 +31,7 @@ _OVER_OFF, _OVER_UNBIASED, _OVER_BIASED = "over `off`", "over the best unbiased 
 
 @dataclass(frozen=True)
 class Cell:
-    """What a contestant reached in a scene.
+    """Results of a contestant in a scene.
 
     efficiencies: 1 / (relative mean squared error times seconds) of each round, without the worst thousandth of the pixels;
     whole: the same with all pixels. is_limited, is_whole_limited: whether the reference's own error makes them too small.
@@ -49,7 +49,7 @@ class Cell:
 
     @property
     def has_all_light(self) -> bool:
-        """Whether the share of the light is 1 within its noise."""
+        """True if the share of the light is 1 within its noise."""
         return abs(self.share - 1) <= _DEVIATIONS * self.noise + _TOLERANCE
 
     def values(self, trimmed: bool) -> tuple[float, ...]:

@@ -12,7 +12,7 @@ import { t } from "../base/words.js";
 const RENEW_MS = 3000;
 const WIDTH = 240;
 const HEIGHT = 120;
-/** The forecast is drawn up to so many times the elapsed time. */
+/** Greatest ratio of the forecast, as drawn, to the elapsed time. */
 const FORECAST = 10;
 /** Relative noise of a picture that counts as clean. */
 const CLEAN = 0.01;

@@ -44,7 +44,7 @@ import { cofactors } from "./matrix.js";
 export const MOST_TRIANGLES = 150_000;
 const FEWEST = 24; // triangles of a decimated shape
 const EXCESS = 1.5; // at which a shape is decimated again
-const MOST_CORNERS = 6_000_000; // of all triangles, where decimating has left so many
+const MOST_CORNERS = 6_000_000; // of all triangles after decimation
 const STEPS = 65535;
 
 /** The service's automatic camera (renderer/scene/default_camera.py). */

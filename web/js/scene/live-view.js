@@ -293,7 +293,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let sampledAt = 0;
   /** Id of the latest view that was clear. @type {number | null} */
   let clearId = null;
-  /** Id of the latest view that had so many. @type {number | null} */
+  /** Id of the latest view that had MESH_SPP samples per pixel. @type {number | null} */
   let sampledView = null;
 
   const link = new ViewLink(scene.id, {

@@ -263,7 +263,7 @@ def group_row(pool, rows, options):
 
 
 class CausticPath(NamedTuple):
-    """What manifold sampling keeps of a path, behind the light by group of all rows; only with CausticTables."""
+    """State of manifold sampling for a path, behind the light by group of all rows; only with CausticTables."""
 
     chain: Int  # state of its chain (kernel/manifold/chain.py)
     light: Vector  # sampled at its vertex, to be added after the light of the shadow ray

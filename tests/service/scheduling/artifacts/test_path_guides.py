@@ -69,7 +69,7 @@ def test_frames_of_a_shot_have_guides_of_their_own_which_are_released(service: S
 
 
 def test_guides_of_many_jobs_do_not_delay_an_urgent_one(service: Service, worker: PeerWorker) -> None:
-    """As many requests are open as there are slots, so that the guide of a job of higher priority is the next to be trained."""
+    """Only one request a slot is open, so that the guide of a job of higher priority is the next to be trained."""
     may_end, scene = threading.Event(), service.ready_scene()
     worker.on_path_guide = lambda work: not may_end.wait(20)
     jobs = [service.submit(scene, guiding="on") for _ in range(4)]
