@@ -450,7 +450,7 @@ class Client:
         if status in (401, 403, 407):
             return ClientError(f"{said}: it asks for a login, or refuses access. Ask its administrator.", status)
         if status >= 500 or status in (408, 429):
-            return ClientError(f"{said}. The farm is not well, or what stands before it; try again in a moment.", status)
+            return ClientError(f"{said}. The farm, or a proxy before it, has a fault; try again in a moment.", status)
         return NotAFarm(not_a_farm(self.url, f"it answers {status} to {response.request.url.path}"), status)
 
 

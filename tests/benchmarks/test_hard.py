@@ -26,7 +26,7 @@ from tests.peers.mitsuba_scene import mitsuba_dict
 
 
 class Seen(NamedTuple):
-    """What a renderer is given of a scene. bounds: of each mesh or lamp, (N, 2, 3), sorted. power: rgb, of all lamps.
+    """Data of a scene as a renderer gets them. bounds: of each mesh or lamp, (N, 2, 3), sorted. power: rgb, of all lamps.
 
     camera: eye, unit direction of sight, and field of view.
     """
