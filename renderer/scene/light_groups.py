@@ -59,7 +59,8 @@ def _by_lamp(description: SceneDescription, shining: set[int]) -> tuple[list[str
     """Returns the groups of a scene's materials, its lights without a surface, and its environment, if each lamp is a group.
 
     shining: the numbers, from 1 on, of the materials of lights. Lamps of one name are one group. The first MAX_LIGHT_GROUPS - 1
-    names get a group, and the environment, also one that replaces the file's, ENVIRONMENT_GROUP. All is empty without lamps.
+    names get a group each. The environment, also one that replaces the file's, is ENVIRONMENT_GROUP.
+    Without lamps, all names are empty.
     """
     lamps = [m.name for k, m in enumerate(description.materials, 1) if k in shining] + [
         light.name for light in description.lights

@@ -180,7 +180,7 @@ def main() -> int:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="farm.py bench gpu", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--stages", type=_stages, default=STAGES, help="those to run, with commas; by default all")
-    parser.add_argument("--minutes", type=float, default=8.0, help="no step begins after so long; by default 8")
+    parser.add_argument("--minutes", type=float, default=8.0, help="minutes after which no further step begins; by default 8")
     parser.add_argument("--state", type=Path, default=ROOT / "build" / "bench-gpu", help="the folder of the results")
     parser.add_argument("--again", action="store_true", help="try failed steps once more")
     parser.add_argument("--quick", action="store_true", help="small scenes and pictures, to see that every step works")

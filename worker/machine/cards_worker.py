@@ -34,7 +34,7 @@ __all__ = ["EXIT_NO_CARDS", "EXIT_REFUSED", "CardsWorker"]
 EXIT_REFUSED = 3  # of a worker whose restart does not help
 EXIT_NO_CARDS = 4  # of a worker with `--gpu auto` none of whose cards can be used
 PAUSES_S = (1.0, 5.0, 30.0, 120.0)  # before restarts, by the number of ends so far
-STEADY_S = 300.0  # after so long it counts as started
+STEADY_S = 300.0  # running time after which earlier ends no longer count
 END_S = 8.0
 
 log = logging.getLogger("worker")
@@ -56,7 +56,7 @@ class CardsWorker:
         self._found: Cards | None = None
         self._cards: list[Card] = []  # those that the second worker uses, if they pass the self-test
         self._process: subprocess.Popen[bytes] | None = None
-        self._is_over = False  # whether no further process is started
+        self._is_over = False  # True: no further process is started
         self._started, self._start_at, self._ends = 0.0, 0.0, 0
 
     def unused(self) -> list[str]:
