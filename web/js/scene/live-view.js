@@ -155,7 +155,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       () => {}, // the samples come without it
     );
   };
-  const hasMeshFirst = !meanwhile.url || (!known && hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
+  // A thumbnail is coarse at the view's size: the mesh replaces it.
+  const hasMeshFirst = !meanwhile.url || (!meanwhile.isFinished && scene.preview) || (!known && hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
   if (hasMeshFirst) showMesh();
   canvas.classList.toggle("held-back", !hasMeshFirst && (meanwhile.isFinished || (meanwhile.isSame && denoise.request().denoise)));
   const release = () => {
@@ -370,7 +371,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   /** The first request without its camera, and whether a later one differs in more than that: the preview mesh shows only the first. @type {string | undefined} */
   let firstShown;
   let isChanged = false;
-  /** The latest request, and its size on the page. @type {{text: string, width: number, height: number} | undefined} */
+  /** The latest request as the form and as the service have it, and its size on the page. @type {{text: string, sent: string, width: number, height: number} | undefined} */
   let lastAsked;
   /** Width of the view in CSS pixels. */
   let wide = 0;
@@ -384,11 +385,15 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     isChanged ||= seen !== (firstShown ??= seen);
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
-    if (lastAsked && text !== lastAsked.text && Math.abs(width * lastAsked.height - height * lastAsked.width) <= width + height) hold();
-    lastAsked = { text, width, height };
-    asked = { width, height };
-    askedView = form.view();
-    link.show({ ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true });
+    const wanted = { ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true };
+    const sent = JSON.stringify(wanted);
+    if (sent !== lastAsked?.sent) {
+      if (lastAsked && text !== lastAsked.text && Math.abs(width * lastAsked.height - height * lastAsked.width) <= width + height) hold();
+      lastAsked = { text, sent, width, height };
+      asked = { width, height };
+      askedView = form.view();
+      link.show(wanted);
+    }
     if (isCovered) mesh.setView(form.view());
     others.changed();
     saved.changed();
