@@ -6,8 +6,10 @@ import { decode } from "./rgb9e5.js";
 
 /** Approximate number of pixels whose brightness is looked at: enough for a percentile, and fast at 8k. */
 const BRIGHTNESS_PIXELS = 100_000;
-/** The brightest 0.5 % (lamps, fireflies) may clip. The brightest 3 % are lit surfaces where there is sun. */
-const [WHITE_QUANTILE, BRIGHT_QUANTILE] = [0.995, 0.97];
+/** The brightest 0.5 % (lamps, fireflies) may clip. The brightest 3 % are lit surfaces where there is sun, the brightest tenth a window or a sky. */
+const [WHITE_QUANTILE, BRIGHT_QUANTILE, HIGH_QUANTILE] = [0.995, 0.97, 0.9];
+/** Luminance, as a fraction of the HIGH_QUANTILE, below which a pixel is background or deep shadow and does not count in the key. */
+const SHADOW = 2 ** -8;
 
 export class Film {
   /**
@@ -123,15 +125,17 @@ export class Film {
   }
 
   /**
-   * Returns the radiances that all but the brightest 0.5 % and 3 % of the pixels stay below (WHITE_QUANTILE, BRIGHT_QUANTILE), and the
-   * mean luminance, no pixel counted above the first; all are 0 while the film is black. A transparent background does not count.
+   * Returns the radiances that all but the brightest 0.5 %, 3 % and 10 % of the pixels stay below (WHITE_QUANTILE, BRIGHT_QUANTILE,
+   * HIGH_QUANTILE), and the key: the log-average luminance (Reinhard et al. 2002, equation 1) with luminances clipped at the HIGH_QUANTILE,
+   * so that lamps do not raise it, and without SHADOW. All are 0 while the film is black. A transparent background does not count.
    *
-   * @returns {{white: number, bright: number, mean: number}}
+   * @returns {{white: number, bright: number, high: number, key: number}}
    */
   brightness() {
     const stride = Math.max(1, Math.floor(this.words.length / BRIGHTNESS_PIXELS));
     /** @type {number[]} */
     const peaks = [];
+    /** @type {number[]} */
     const luminances = [];
     for (let i = 0; i < this.words.length; i += stride) {
       if (!this.samples[i] || this.coverage?.[i] === 0) continue;
@@ -140,8 +144,12 @@ export class Film {
       luminances.push(0.2126 * r + 0.7152 * g + 0.0722 * b);
     }
     peaks.sort((a, b) => a - b);
-    const [white = 0, bright = 0] = [WHITE_QUANTILE, BRIGHT_QUANTILE].map((part) => peaks[Math.floor((peaks.length - 1) * part)]);
-    return { white, bright, mean: luminances.reduce((sum, each) => sum + Math.min(each, white), 0) / Math.max(luminances.length, 1) };
+    luminances.sort((a, b) => a - b);
+    const [white, bright, high] = [WHITE_QUANTILE, BRIGHT_QUANTILE, HIGH_QUANTILE].map((part) => quantile(peaks, part));
+    const most = quantile(luminances, HIGH_QUANTILE);
+    const lit = luminances.filter((each) => each > SHADOW * most).map((each) => Math.log(Math.min(each, most)));
+    const key = most > 0 ? Math.exp(lit.reduce((sum, each) => sum + each, 0) / lit.length) : 0;
+    return { white: white ?? 0, bright: bright ?? 0, high: high ?? 0, key };
   }
 
   /**
@@ -154,3 +162,6 @@ export class Film {
     return white > 0 ? -Math.log2(white) : null;
   }
 }
+
+/** @param {number[]} sorted @param {number} part */
+const quantile = (sorted, part) => sorted[Math.floor((sorted.length - 1) * part)] ?? 0;

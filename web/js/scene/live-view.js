@@ -102,7 +102,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   );
   const state = h("p", { class: "small quiet number view-state", role: "status", "aria-live": "off" });
   const said = h("p", { class: "small quiet view-hint" });
-  const exposure = h("input", { type: "range", min: -16, max: 16, step: 0.25, value: "0", "aria-label": t("Exposure in stops") });
+  const exposure = h("input", { class: "centred", type: "range", step: 0.25, "aria-label": t("Exposure in stops") });
+  showExposure(exposure, 0);
   const curve = h(
     "select",
     { "aria-label": t("Tone curve") },
@@ -244,7 +245,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   /** The light that the exposure is for, without its strength: that is the user's own way to make it brighter. */
   let exposedLight = "";
   /** Brightness of the latest picture that was looked at. */
-  let brightness = { white: 0, bright: 0, mean: 0 };
+  let brightness = { white: 0, bright: 0, high: 0, key: 0 };
   /** @param {number} id of the picture */
   const lookForDarkness = (id) => {
     brightness = film.film.brightness();
@@ -264,7 +265,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
   /** @param {number} stops */
   const setExposure = (stops) => {
-    exposure.value = String(stops);
+    showExposure(exposure, stops);
     relook();
   };
   /** @param {number} stops chosen by the user */
@@ -568,9 +569,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   look.subscribe((now) => {
     picture.look = now;
     setText(shown, `${stops(now.exposure)} EV`);
+    exposure.setAttribute("aria-valuetext", `${stops(now.exposure)} EV`);
     picture.invalidate();
   });
   exposure.addEventListener("input", () => expose(exposure.valueAsNumber));
+  exposure.addEventListener("change", () => showExposure(exposure, exposure.valueAsNumber)); // at its end, the range grows
   exposure.addEventListener("dblclick", () => expose(0));
   curve.addEventListener("change", relook);
 
@@ -621,6 +624,18 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       picture.dispose();
     },
   };
+}
+
+/** Stops at the ends of the exposure's slider, unless it is set beyond, and at most. */
+const [USUAL_STOPS, MOST_STOPS] = [6, 16];
+
+/** Sets the exposure's slider, whose range grows with the value. @param {HTMLInputElement} slider @param {number} value in stops */
+function showExposure(slider, value) {
+  const end = Math.abs(value) < USUAL_STOPS ? USUAL_STOPS : Math.min(2 * Math.ceil(Math.abs(value)), MOST_STOPS);
+  slider.min = String(-end);
+  slider.max = String(end);
+  slider.value = String(value);
+  slider.title = t("Exposure from {low} to {high} EV; double-click for 0", { low: stops(-end), high: stops(end) });
 }
 
 /** Whether a picture of one camera can be shown for another. @param {View} from @param {View} to */
