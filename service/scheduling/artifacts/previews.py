@@ -37,7 +37,7 @@ class DenoisedPreviews(Denoising):
         return self.request(request, made.version)  # that one, if its blob is still there
 
     def existing(self, job: str, frame: int) -> ArtifactResult | None:
-        """Returns the frame's latest preview, also if another is due; None if there is none. Thread-safe; the store may be slow."""
+        """Returns the frame's latest preview, also if another is due; None if there is none. Thread-safe; may be slow."""
         made = self._made.get((job, frame))
         return made if made is not None and self._blobs.exists(made.sha256) else None
 
