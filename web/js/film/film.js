@@ -4,8 +4,8 @@ import { decode } from "./rgb9e5.js";
 
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
 
-/** Approximate number of pixels whose brightness is looked at: enough for a percentile, and fast at 8k. */
-const BRIGHTNESS_PIXELS = 100_000;
+/** Approximate number of pixels whose brightness is looked at: enough for a percentile, and a few milliseconds. */
+const BRIGHTNESS_PIXELS = 25_000;
 /** The brightest 0.5 % (lamps, fireflies) may clip. The brightest 3 % are lit surfaces where there is sun, the brightest tenth a window or a sky. */
 const [WHITE_QUANTILE, BRIGHT_QUANTILE, HIGH_QUANTILE] = [0.995, 0.97, 0.9];
 /** Luminance, as a fraction of the HIGH_QUANTILE, below which a pixel is background or deep shadow and does not count in the key. */
@@ -133,22 +133,20 @@ export class Film {
    */
   brightness() {
     const stride = Math.max(1, Math.floor(this.words.length / BRIGHTNESS_PIXELS));
-    /** @type {number[]} */
-    const peaks = [];
-    /** @type {number[]} */
-    const luminances = [];
+    const most = Math.ceil(this.words.length / stride);
+    const [allPeaks, allLuminances] = [new Float32Array(most), new Float32Array(most)];
+    let n = 0;
     for (let i = 0; i < this.words.length; i += stride) {
       if (!this.samples[i] || this.coverage?.[i] === 0) continue;
       const [r, g, b] = decode(this.words[i] ?? 0);
-      peaks.push(Math.max(r, g, b));
-      luminances.push(0.2126 * r + 0.7152 * g + 0.0722 * b);
+      allPeaks[n] = Math.max(r, g, b);
+      allLuminances[n++] = 0.2126 * r + 0.7152 * g + 0.0722 * b;
     }
-    peaks.sort((a, b) => a - b);
-    luminances.sort((a, b) => a - b);
+    const [peaks, luminances] = [allPeaks.subarray(0, n).sort(), allLuminances.subarray(0, n).sort()];
     const [white, bright, high] = [WHITE_QUANTILE, BRIGHT_QUANTILE, HIGH_QUANTILE].map((part) => quantile(peaks, part));
-    const most = quantile(luminances, HIGH_QUANTILE);
-    const lit = luminances.filter((each) => each > SHADOW * most).map((each) => Math.log(Math.min(each, most)));
-    const key = most > 0 ? Math.exp(lit.reduce((sum, each) => sum + each, 0) / lit.length) : 0;
+    const top = quantile(luminances, HIGH_QUANTILE);
+    const lit = luminances.filter((each) => each > SHADOW * top).map((each) => Math.log(Math.min(each, top)));
+    const key = top > 0 ? Math.exp(lit.reduce((sum, each) => sum + each, 0) / lit.length) : 0;
     return { white: white ?? 0, bright: bright ?? 0, high: high ?? 0, key };
   }
 
@@ -163,5 +161,5 @@ export class Film {
   }
 }
 
-/** @param {number[]} sorted @param {number} part */
+/** @param {Float32Array} sorted @param {number} part */
 const quantile = (sorted, part) => sorted[Math.floor((sorted.length - 1) * part)] ?? 0;

@@ -16,7 +16,7 @@ const FIRST = 24;
 const SEARCHED = 9;
 const TYPING_MS = 200;
 
-/** @returns {{element: HTMLElement, aside: HTMLElement, put: (scenes: Scene[], uploads: readonly Arriving[]) => void}} aside: shown beside the section's title */
+/** @returns {{element: HTMLElement, aside: HTMLElement, put: (scenes: Scene[], uploads?: readonly Arriving[]) => void}} aside: shown beside the section's title */
 export function sceneGrid() {
   /** The latest scenes known to the page. @type {Scene[]} */
   let latest = [];
@@ -83,7 +83,7 @@ export function sceneGrid() {
   return {
     element: h("div", null, grid, none, rest, fold),
     aside: search,
-    put(scenes, uploads) {
+    put(scenes, uploads = []) {
       latest = scenes;
       coming = uploads;
       refresh();
