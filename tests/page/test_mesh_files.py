@@ -145,6 +145,36 @@ def test_ply_of_each_byte_order_is_read(node: Node, tmp_path: Path, order: str) 
     assert read_in_page(node, {"polygon.ply": (head + data)[:-6]}) is None, "cut off"
 
 
+CLOUD = np.random.default_rng(8).normal(size=(300, 3)).astype("<f4")
+
+
+@pytest.mark.parametrize("kind", ["rgb", "splats", "plain"])
+def test_points_are_drawn_where_the_service_has_them(node: Node, tmp_path: Path, kind: str) -> None:
+    """Points are octahedra of the service's colours, size and camera; 3D Gaussians have -Y up."""
+    names = {"rgb": ("red", "green", "blue"), "splats": ("f_dc_0", "f_dc_1", "f_dc_2"), "plain": ()}[kind]
+    rows = np.zeros(len(CLOUD), [("place", "<f4", 3), ("color", "u1" if kind == "rgb" else "<f4", len(names))])
+    rows["place"] = CLOUD
+    rows["color"] = 200 * (CLOUD > 0) if kind == "rgb" else CLOUD[:, : len(names)]
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 300\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    head += "".join(f"property {'uchar' if kind == 'rgb' else 'float'} {name}\n" for name in names) + "end_header\n"
+    files = {"cloud.ply": head.encode() + rows.tobytes()}
+    found, known = read_in_page(node, files), read_by_service(tmp_path, files)
+    packet, size = found["packet"], float(np.ptp(known.positions))
+    assert found["isWhole"]
+    assert packet["triangles"] == 8 * len(CLOUD)
+    np.testing.assert_allclose(packet["low"], known.positions.min(axis=0), atol=2e-2 * size)
+    np.testing.assert_allclose(packet["high"], known.positions.max(axis=0), atol=2e-2 * size)
+    camera = frame(known.positions)
+    for name in ("eye", "target", "up", "fov"):
+        np.testing.assert_allclose(found["view"][name], getattr(camera, name), atol=5e-2 * size)
+    low, high = np.array(packet["low"]), np.array(packet["high"])
+    corners = low + np.array(packet["positions"]).reshape(-1, 6, 4)[..., :3] / 65535 * (high - low)
+    middles = CLOUD * [1, -1, -1] if kind == "splats" else CLOUD
+    np.testing.assert_allclose(corners.mean(axis=1), middles, atol=1e-3 * size)
+    assert {tuple(row) for row in np.array(packet["colors"]).reshape(-1, 4).tolist()} == {tuple(row) for row in known.colors.tolist()}
+
+
 QUADS = """# two quads that meet at an edge, one of each material \\
 mtllib paint box.mtl
 v -1 0 0

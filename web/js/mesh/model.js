@@ -20,7 +20,7 @@ export const coded = (linear) => linear.map((value) => Math.round(255 * encoded(
 
 /**
  * @param {Part[]} parts
- * @param {"y" | "z" | number[]} up the format's conventional up axis, or the matrix by which the file becomes Y up
+ * @param {"y" | "z" | "-y" | number[]} up the format's conventional up axis, or the matrix by which the file becomes Y up
  * @param {boolean} isWhole whether the service would show the same materials
  * @param {number} [most] triangles, about
  * @param {{background?: Vec3 | null, lamps?: import("./shapes.js").Lamp[], camera?: (low: Vec3, high: Vec3) => import("../base/types.js").View | null}} [own] the file's own world, as in MeshPacket, and camera

@@ -35,6 +35,7 @@ async function readUpload({ files: given, formats, main: chosen }) {
   const names = files.names.filter((name) => name.startsWith(folder) && !name.slice(folder.length).includes("/")).map((name) => name.slice(folder.length));
   switch (main.slice(main.lastIndexOf(".")).toLowerCase()) {
     case ".glb":
+    case ".vrm":
       return readGlb(await files.read(main));
     case ".gltf":
       return readGltf(await files.read(main), read);
