@@ -110,7 +110,7 @@ function meshOf(gltf, bin, beside, most) {
     drawn.push({ shape, matrix, color: colorOf(material), image, cutoff: picture ? surface.cutoff : 0 });
   }
   if (!drawn.length) return null;
-  const isLit = (gltf.extensions?.KHR_lights_punctual?.lights ?? []).length > 0; // in a black world
+  const isLit = (gltf.extensions?.KHR_lights_punctual?.lights ?? []).some(shines); // in a black world
   const found = joined(drawn, isLit ? [0, 0, 0] : null);
   if (!found) return null;
   const { packet, places } = found;
@@ -272,6 +272,9 @@ function colorOf(material) {
   const linear = Math.max(...emitted) > 0 && !material.emissiveTexture ? emitted : base;
   return [...coded(linear.slice(0, 3)), isUnshaded ? 0 : 255];
 }
+
+/** Whether a light is not black. @param {{color?: number[], intensity?: number}} light */
+const shines = ({ color = [1, 1, 1], intensity = 1 }) => intensity * Math.max(...color) > 0;
 
 /** Returns the file's lamps, spots like points. @param {any} gltf @param {Vec3} low @param {Vec3} high @returns {import("./shapes.js").Lamp[]} */
 function lampsOf(gltf, low, high) {

@@ -7,7 +7,7 @@ import { h, setText } from "../base/dom.js";
 import { t } from "../base/words.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
-import { MeshCanvas } from "./mesh-canvas.js";
+import { passMesh, takeMesh } from "./mesh-relay.js";
 import { lookAt } from "./orbit.js";
 import { keepTurned, meshOf } from "./preview-mesh.js";
 import { viewHand } from "./view-hand.js";
@@ -31,7 +31,10 @@ function between(from, to, share) {
  * @returns {{element: HTMLElement, update: (scene: Scene, step: string) => void, dispose: () => void}}
  */
 export function preparingView(scene) {
-  const canvas = h("canvas", { class: "mesh", role: "img", "aria-label": t("The scene as it is seen now") });
+  const mesh = takeMesh(scene.id);
+  const { canvas } = mesh;
+  canvas.role = "img";
+  canvas.ariaLabel = t("The scene as it is seen now");
   const surface = h(
     "div",
     {
@@ -44,7 +47,6 @@ export function preparingView(scene) {
   const picture = examplePictures.get(scene.id);
   if (picture) surface.style.backgroundImage = `url("${picture}")`;
   canvas.hidden = picture !== undefined;
-  const mesh = new MeshCanvas(canvas);
   mesh.setScene(scene);
   /** @type {View | null} */
   let view = null;
@@ -122,7 +124,7 @@ export function preparingView(scene) {
     dispose() {
       isOpen = false;
       letGo();
-      mesh.dispose();
+      passMesh(scene.id, mesh);
     },
   };
 }
