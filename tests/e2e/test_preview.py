@@ -13,13 +13,13 @@ from tests.e2e.conftest import Watched
 from tests.e2e.small_glb import small_glb
 from tests.helpers import Farm, wait_until
 
-
 # Counts the frames without the mesh, after the first with it.
 WATCH_MESH = """(() => {
   window.framesWithoutMesh = 0;
   let isSeen = false;
   const look = () => {
-    const isShown = [...document.querySelectorAll(".live-view canvas.mesh")].some((canvas) => canvas.dataset.drawn && !canvas.hidden);
+    const meshes = [...document.querySelectorAll(".live-view canvas.mesh")];
+    const isShown = meshes.some((canvas) => canvas.dataset.drawn && !canvas.hidden);
     isSeen ||= isShown;
     if (isSeen && !isShown) window.framesWithoutMesh++;
     requestAnimationFrame(look);

@@ -19,8 +19,10 @@ from PIL import Image
 from renderer.formats import SCENE_SUFFIXES, pick_main
 from renderer.scene.animation import Moment
 from renderer.scene.default_camera import frame
+from renderer.scene.description import SceneDescription
 from renderer.scene.load import Shot
 from renderer.scene.preview import Preview, preview
+from renderer.scene.room_camera import room_view
 from tests.helpers import ROOT
 from tests.page.node import Node
 
@@ -39,12 +41,16 @@ def read_in_page(node: Node, files: dict[str, bytes]) -> Any:
     return node.call("mesh/upload", READ, {"files": sent, "formats": list(SCENE_SUFFIXES)})
 
 
-def read_by_service(folder: Path, files: dict[str, bytes]) -> Preview:
+def read_description(folder: Path, files: dict[str, bytes]) -> SceneDescription:
     for name, data in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(data)
     shot = Shot(folder, pick_main(list(files))[0])
-    shown = preview(shot.scene_at(Moment(shot.start)), textured_vertices=0)  # the browser has the textures
+    return shot.scene_at(Moment(shot.start))
+
+
+def read_by_service(folder: Path, files: dict[str, bytes]) -> Preview:
+    shown = preview(read_description(folder, files), textured_vertices=0)  # the browser has the textures
     assert shown is not None
     return shown
 
@@ -100,6 +106,21 @@ def test_mesh_and_camera_equal_those_of_service(node: Node, tmp_path: Path, kind
 def bytes_of(mesh: trimesh.Trimesh, kind: str) -> bytes:
     data = mesh.export(file_type=kind, **({"include_normals": False} if kind == "obj" else {}))
     return data.encode() if isinstance(data, str) else bytes(data)
+
+
+@pytest.mark.parametrize("in_corner", [False, True])
+def test_camera_in_a_room_equals_that_of_service(node: Node, tmp_path: Path, in_corner: bool) -> None:
+    walls = trimesh.creation.box((8, 3, 6))
+    walls.invert()
+    thing = trimesh.creation.box((0.5, 0.5, 0.5))
+    thing.apply_translation((3.2, 0.3, 2.4) if in_corner else (0, -1, 0))
+    files = {"room.obj": bytes_of(trimesh.util.concatenate([walls, thing]), "obj")}
+    view = read_in_page(node, files)["view"]
+    service = read_description(tmp_path, files)
+    known = room_view(service, np.array([(-4, -1.5, -3), (4, 1.5, 3)]))
+    assert known is not None
+    for name in ("eye", "target", "up", "fov"):
+        np.testing.assert_allclose(view[name], getattr(known, name), atol=1e-3)
 
 
 PLY_ROWS = [(-1.0, 0.0, 0.5, 255, 0, 0), (1, 0, 0, 0, 255, 0), (1, 2, 0, 0, 0, 255), (-1, 2, -0.5, 10, 20, 30)]
@@ -172,7 +193,8 @@ def test_points_are_drawn_where_the_service_has_them(node: Node, tmp_path: Path,
     corners = low + np.array(packet["positions"]).reshape(-1, 6, 4)[..., :3] / 65535 * (high - low)
     middles = CLOUD * [1, -1, -1] if kind == "splats" else CLOUD
     np.testing.assert_allclose(corners.mean(axis=1), middles, atol=1e-3 * size)
-    assert {tuple(row) for row in np.array(packet["colors"]).reshape(-1, 4).tolist()} == {tuple(row) for row in known.colors.tolist()}
+    colors = np.array(packet["colors"]).reshape(-1, 4)
+    assert {tuple(row) for row in colors.tolist()} == {tuple(row) for row in known.colors.tolist()}
 
 
 QUADS = """# two quads that meet at an edge, one of each material \\

@@ -47,7 +47,8 @@ def turn_up(file: str, format: Format, up_axis: str | None, description: SceneDe
     """Rotates the content of a file that states no up axis to Y up, and sets the description's `up_axis`.
 
     up_axis: a key of ROTATIONS. None means the description's `up_axis`, if the reader has set the conventional axis of the file's
-    content; else the format's conventional axis or, with `guesses`, the axis on which the model stands, with a warning. Raises SceneError if the axis is unknown or the format states its own.
+    content; else the format's conventional axis or, with `guesses`, the axis on which the model stands, with a warning. Raises
+    SceneError if the axis is unknown or the format states its own.
     """
     if up_axis is not None and up_axis not in ROTATIONS:
         raise SceneError(

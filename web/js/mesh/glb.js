@@ -5,6 +5,7 @@
  * has what is not read here, such as poses.
  */
 
+import { roomView } from "./room.js";
 import { MOST_TRIANGLES, decimated, frame, joined, orbitView } from "./shapes.js";
 import { pictureType } from "./files.js";
 import { IDENTITY, product } from "./matrix.js";
@@ -116,7 +117,7 @@ function meshOf(gltf, bin, beside, most) {
   const { packet, places } = found;
   if (isLit) packet.lamps = lampsOf(gltf, packet.low, packet.high);
   const isWhole = drawn.length === all.length && !(gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights) && !gltf.extensions?.KHR_materials_variants;
-  return { packet, view: fileCamera(gltf, packet.low, packet.high) ?? frame(places), isWhole, images: [...pictures.values()] };
+  return { packet, view: fileCamera(gltf, packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images: [...pictures.values()] };
 }
 
 /** Returns a material's base colour texture. @param {any} gltf @param {any} material @returns {Surface | null} */

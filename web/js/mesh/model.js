@@ -1,6 +1,7 @@
 /** Makes a preview of the shapes of a file: decimates them, computes missing normals, turns them upright, and frames them. */
 
 import { MOST_TRIANGLES, decimated, encoded, frame, joined } from "./shapes.js";
+import { roomView } from "./room.js";
 import { smoothed } from "./smooth.js";
 import { uprightMatrix } from "./up-axis.js";
 
@@ -41,7 +42,7 @@ export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES, { background 
   if (!found) return null;
   const { packet, places } = found;
   if (lamps) packet.lamps = lamps;
-  return { packet, view: camera?.(packet.low, packet.high) ?? frame(places), isWhole, images };
+  return { packet, view: camera?.(packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images };
 }
 
 /** Returns whether all indices are below a limit. @param {Uint32Array} indices @param {number} limit */
