@@ -266,6 +266,19 @@ def test_only_image_beside_an_obj_without_materials_is_its_texture(node: Node, t
     assert found["isWhole"]
 
 
+def test_zip_in_a_zip_is_read(node: Node, wood: bytes) -> None:
+    inner, outer = io.BytesIO(), io.BytesIO()
+    with zipfile.ZipFile(inner, "w") as made:
+        made.writestr("quads.obj", QUADS)
+        made.writestr("paint box.mtl", PAINT)
+    with zipfile.ZipFile(outer, "w", zipfile.ZIP_DEFLATED) as made:
+        made.writestr("source/quads.zip", inner.getvalue())
+        made.writestr("textures/my wood.png", wood)
+    found = read_in_page(node, {"model.zip": outer.getvalue()})
+    assert found["packet"]["triangles"] == 4
+    assert bytes(found["images"][0]) == wood
+
+
 FBX = ROOT / "tests" / "data" / "fbx"
 Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's axes
 

@@ -1,6 +1,6 @@
 /** Reads an upload's scene by the reader of its format. */
 
-import { filesOf, find, pickMain, pictureType } from "./files.js";
+import { filesOf, find, pickMain, pictureType, unpackedFiles } from "./files.js";
 import { readFbx } from "./fbx.js";
 import { readGlb, readGltf } from "./glb.js";
 import { readObj } from "./obj.js";
@@ -15,7 +15,8 @@ export const meshOf = (upload) => readUpload(upload).catch(() => null);
 
 /** @param {Upload} upload @returns {Promise<LocalMesh | null>} */
 async function readUpload({ files: given, formats, main: chosen }) {
-  const files = await filesOf(given);
+  let files = await filesOf(given);
+  if (!chosen && !pickMain(files.names, formats)) files = await unpackedFiles(files);
   const main = chosen ?? pickMain(files.names, formats);
   if (!main) return null;
   const read = async (/** @type {string} */ reference) => {
