@@ -4,6 +4,8 @@
 
 /** Points that are shown: of more, every n-th, larger by the square root of n. */
 const MOST_POINTS = 60_000;
+/** Size of an octahedron that covers as much of the picture as the service's sphere. */
+const ROUND = 1.25;
 /** Points whose nearest neighbours are measured. */
 const SAMPLED = 48;
 
@@ -21,7 +23,7 @@ export function pointShape(places, colors) {
   if (!finite.length) return null;
   const step = Math.ceil(finite.length / MOST_POINTS);
   const shown = step > 1 ? finite.filter((_, i) => i % step === 0) : finite;
-  const radius = spacing(places, finite) * Math.sqrt(step);
+  const radius = ROUND * spacing(places, finite) * Math.sqrt(step);
   const corners = CORNERS.length / 3;
   const positions = new Float32Array(CORNERS.length * shown.length);
   const normals = new Float32Array(positions.length);

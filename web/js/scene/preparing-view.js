@@ -9,6 +9,7 @@ import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
 import { passMesh, takeMesh } from "./mesh-relay.js";
 import { lookAt } from "./orbit.js";
+import { blenderNotice, waitsForBlender } from "./scene-notices.js";
 import { keepTurned, meshOf } from "./preview-mesh.js";
 import { viewHand } from "./view-hand.js";
 
@@ -100,11 +101,14 @@ export function preparingView(scene) {
     doing.textContent = "";
     follow(first, packet.low, packet.high);
   });
+  const waiting = blenderNotice();
+  waiting.hidden = true;
   return {
-    element: h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface, h("div", { class: "view-pills" }, doing))),
+    element: h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface, waiting, h("div", { class: "view-pills" }, doing))),
     /** @param {Scene} next @param {string} step in words */
     update(next, step) {
-      setText(doing, hasPicture() ? "" : step);
+      waiting.hidden = !waitsForBlender(next);
+      setText(doing, hasPicture() || !waiting.hidden ? "" : step);
       const { id, preview, cameras, bounds, defaults } = next;
       const first = cameras[0]?.view;
       const [low, high] = bounds ?? [];
