@@ -16,7 +16,6 @@ import { Card, announce, showActionNotice, showError } from "./tray.js";
 import { Pace } from "./upload-pace.js";
 import { keepLocal, prepareReader, readLocally } from "../news/local-mesh.js";
 import { upload } from "../news/upload.js";
-import { warmMesh } from "../scene/mesh-relay.js";
 import { uploadSeconds } from "../news/upload-times.js";
 import { filesFor, rivals, whichScene } from "./which-scene.js";
 import { t } from "../base/words.js";
@@ -33,10 +32,7 @@ const STALLED_MS = 15_000;
 const again = { label: t("Choose other files"), run: () => pick({ folder: false }, start) };
 
 /** Prepares for files that are being dragged or chosen. */
-export function prepare() {
-  prepareReader();
-  warmMesh();
-}
+export const prepare = prepareReader;
 
 /** @param {NamedFile[]} files */
 export async function start(files) {
