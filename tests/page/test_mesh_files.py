@@ -16,7 +16,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from renderer.formats import SCENE_SUFFIXES, pick_main
+from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES, pick_main
 from renderer.scene.animation import Moment
 from renderer.scene.default_camera import frame
 from renderer.scene.description import SceneDescription
@@ -38,7 +38,8 @@ READ = """
 
 def read_in_page(node: Node, files: dict[str, bytes]) -> Any:
     sent = [(path, base64.b64encode(data).decode()) for path, data in files.items()]
-    return node.call("mesh/upload", READ, {"files": sent, "formats": list(SCENE_SUFFIXES)})
+    formats = [*SCENE_SUFFIXES, *ARCHIVE_SUFFIXES]  # as /api/info lists them
+    return node.call("mesh/upload", READ, {"files": sent, "formats": formats})
 
 
 def read_description(folder: Path, files: dict[str, bytes]) -> SceneDescription:

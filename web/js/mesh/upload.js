@@ -14,7 +14,8 @@ import { readStl } from "./stl.js";
 export const meshOf = (upload) => readUpload(upload).catch(() => null);
 
 /** @param {Upload} upload @returns {Promise<LocalMesh | null>} */
-async function readUpload({ files: given, formats, main: chosen }) {
+async function readUpload({ files: given, formats: accepted, main: chosen }) {
+  const formats = accepted.filter((suffix) => suffix !== ".zip");
   let files = await filesOf(given);
   if (!chosen && !pickMain(files.names, formats)) files = await unpackedFiles(files);
   const main = chosen ?? pickMain(files.names, formats);
