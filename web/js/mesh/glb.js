@@ -99,6 +99,7 @@ function meshOf(gltf, bin, beside, most) {
   const drawn = [];
   /** @type {Map<number, Picture>} */
   const pictures = new Map();
+  let isTextured = true; // KTX2 and others are read by the service alone
   for (const { primitive, matrix } of placed) {
     const material = gltf.materials?.[primitive.material];
     const surface = surfaceOf(gltf, material);
@@ -107,6 +108,7 @@ function meshOf(gltf, bin, beside, most) {
     if (!shape) continue;
     const picture = surface && shape.uvs && (pictures.get(surface.image) ?? beside.get(surface.image) ?? pictureOf(gltf, bin, surface.image));
     if (picture) pictures.set(surface.image, picture);
+    isTextured &&= (Boolean(picture) || !material?.pbrMetallicRoughness?.baseColorTexture) && !material?.extensions?.KHR_materials_pbrSpecularGlossiness;
     const image = picture ? [...pictures.keys()].indexOf(surface.image) : -1;
     drawn.push({ shape, matrix, color: colorOf(material), image, cutoff: picture ? surface.cutoff : 0 });
   }
@@ -116,7 +118,7 @@ function meshOf(gltf, bin, beside, most) {
   if (!found) return null;
   const { packet, places } = found;
   if (isLit) packet.lamps = lampsOf(gltf, packet.low, packet.high);
-  const isWhole = drawn.length === all.length && !(gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights) && !gltf.extensions?.KHR_materials_variants;
+  const isWhole = isTextured && drawn.length === all.length && !(gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights) && !gltf.extensions?.KHR_materials_variants;
   return { packet, view: fileCamera(gltf, packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images: [...pictures.values()] };
 }
 
