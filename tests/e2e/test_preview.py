@@ -69,3 +69,20 @@ def test_preview_mesh_is_shown_until_samples_arrive(farm: Farm, watched: Watched
         route.continue_()
     expect(page.get_by_role("heading", name="Jobs")).to_be_visible()
     assert watched.errors == []
+
+
+@pytest.mark.long
+def test_file_that_needs_blender_says_what_to_do(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    page.goto(farm.url)
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Choose files").click()
+    blend = b"BLENDER-v402" + bytes(64)
+    chooser.value.set_files([{"name": "room.blend", "mimeType": "application/octet-stream", "buffer": blend}])
+    notice = page.locator(".live-view-frame .empty")
+    expect(notice).to_contain_text("This file needs Blender")
+    expect(notice).to_contain_text("farm.py up --blender")
+    expect(page.locator(".preparing-panel > p")).to_have_text("Waits for a worker with Blender …")
+    expect(page.locator(".view-pills > p")).to_be_hidden()
+    page.request.delete(f"{farm.url}/api/scenes/{page.url.partition('/scenes/')[2].partition('?')[0]}")
+    assert watched.errors == []
