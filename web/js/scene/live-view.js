@@ -18,7 +18,7 @@ import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
 import { clarity, clarityField } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
-import { MeshCanvas } from "./mesh-canvas.js";
+import { takeMesh } from "./mesh-relay.js";
 import { people } from "./people.js";
 import { denoiseView } from "./denoise-view.js";
 import { alongSight, lookAt } from "./orbit.js";
@@ -87,7 +87,10 @@ const HAND_KEYS = [
 export function liveView(scene, form, meanwhile, turned, sides, names) {
   const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
   const over = h("canvas", { hidden: true });
-  const meshed = h("canvas", { class: "mesh", "aria-hidden": "true", hidden: true });
+  const mesh = takeMesh(scene.id);
+  const meshed = mesh.canvas;
+  meshed.ariaHidden = "true";
+  meshed.hidden = true;
   const surface = h(
     "div",
     {
@@ -127,6 +130,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     picture = new FilmCanvas(canvas, over, viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
+    mesh.dispose();
     return { element: h("p", { class: "notice" }, error.message), takes: null, refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), firstLook: () => ({ film: new Film(1, 1), isSame: false, clean: "" }) };
   }
   /** The fields of the form's request that a view reads. */
@@ -140,7 +144,6 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   // A previous picture of the scene, or its preview mesh, until the first samples arrive.
   const known = clearView(scene.id, JSON.stringify(viewRequest()));
   if (known) meanwhile = { url: known, nearest: "", isFinished: true, isSame: true };
-  const mesh = new MeshCanvas(meshed);
   mesh.setScene(scene);
   let isSampled = false;
   const showMesh = () => {
@@ -172,6 +175,15 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const below = [meanwhile.url, meanwhile.nearest].filter(Boolean).map((url) => `url("${url}")`);
   if (hasAlpha) below.push("var(--squares-image)");
   surface.style.backgroundImage = below.join(", ");
+  /** Shows the mesh that was drawn while the scene was prepared. */
+  const showPassedMesh = () => {
+    if (isSampled || !mesh.mesh) return;
+    mesh.setView(form.view());
+    meshed.hidden = false;
+    surface.style.backgroundImage = "";
+    canvas.classList.add("held-back"); // the first samples are coarser than the mesh
+  };
+  if (hasMeshFirst) showPassedMesh();
   /** Removes what is shown until samples come, once they cover it. */
   const uncover = () => {
     uncovering = undefined;
@@ -432,7 +444,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   /** @param {View} view */
   const turnTo = (view) => {
     form.turn(view);
-    showMesh(); // a previous picture is of another view
+    showPassedMesh(); // a previous picture is of another view
+    showMesh();
     refresh();
     turned(view);
   };
@@ -693,7 +706,7 @@ function pictureUrl(picture, canvas, side) {
 /**
  * Returns a preview mesh before its background as the URL of a JPEG.
  *
- * @param {MeshCanvas} mesh
+ * @param {import("./mesh-canvas.js").MeshCanvas} mesh
  * @param {HTMLCanvasElement} canvas of the mesh
  */
 function meshPicture(mesh, canvas) {
