@@ -160,4 +160,4 @@ def _summary(farm: LocalFarm, folder: Path) -> None:
     else:
         line("Add a machine", f"RAYFARM_TOKEN={farm.secrets.token} {PROGRAM} worker --join {farm.public_url}")
     line("Data and logs", str(folder))
-    line("Kernels", "loading; the first start compiles them, which takes about half a minute\n")
+    line("Kernels", "loading; the first start compiles them, in about half a minute, while scenes can be opened\n")
