@@ -48,7 +48,7 @@ UPLOAD_FORM = {
                         "main": {"type": "string", "description": "path of the scene file, if there are several"},
                         "environment": {
                             "type": "string",
-                            "description": "path of an image among the files that lights the scene, or a sky as `sky:ELEVATION,AZIMUTH`",
+                            "description": "image among the files that lights the scene, or a sky: `sky:ELEVATION,AZIMUTH`",
                         },
                         "up": {
                             "type": "string",
