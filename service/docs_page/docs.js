@@ -90,7 +90,7 @@ function commands(path, method, about, api) {
   const body = !media ? "" : isForm ? " \\\n  -F files=@scene.glb" : ` \\\n  --json '${example}'`;
   const sent = !media ? "" : isForm ? ',\n    files={"files": open("scene.glb", "rb")}' : `,\n    json=${example.replaceAll("true", "True").replaceAll("false", "False").replaceAll("null", "None")}`;
   const curl = `curl -sf${method === "get" || body ? "" : ` -X ${verb}`}${body && verb !== "POST" ? ` -X ${verb}` : ""}${body} \\\n  ${url}`;
-  const python = `import httpx\n\nanswer = httpx.${method}(\n    "${url}"${sent},\n)\nanswer.raise_for_status()`;
+  const python = `import httpx\n\nfarm = "${location.origin}"\nanswer = httpx.${method}(\n    farm + "${path}"${sent},\n)\nanswer.raise_for_status()`;
   return Object.entries({ curl, Python: python }).map(([name, text]) => el("div", {}, el("h3", {}, name), el("pre", { tabindex: "0" }, text)));
 }
 

@@ -33,7 +33,7 @@ class MemberIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    role: MemberRole = Field("submit", description="role in this project")
+    role: MemberRole = Field(default="submit", description="role in this project")
 
 
 class ProjectOut(BaseModel):
