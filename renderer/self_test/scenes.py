@@ -331,7 +331,9 @@ SCENES = (
     SelfTestScene("textures and layers", _FULL, _layers),
     SelfTestScene("instances and many lamps", (*_FULL, "instances"), _many),
     SelfTestScene("motion", (*_FULL, "instances", "motion"), _motion, has_caustics=False),
-    SelfTestScene("a moving camera", (*_FULL, "instances", "motion"), _surfaces, views=(_VIEW, replace(_VIEW, eye=(0.4, 1.6, 5.0)))),
+    SelfTestScene(
+        "a moving camera", (*_FULL, "instances", "motion"), _surfaces, views=(_VIEW, replace(_VIEW, eye=(0.4, 1.6, 5.0)))
+    ),
     SelfTestScene("media", (*_FULL, "media"), _media, has_caustics=False),
     SelfTestScene("skin", (*_FULL, "media"), _skin),
     SelfTestScene("media in grids", (*_FULL, "media", "grids"), _grids, has_caustics=False),

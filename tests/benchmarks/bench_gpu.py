@@ -487,16 +487,9 @@ def _mitsuba(options: argparse.Namespace, sizes: Sizes) -> int:
     except ImportError as error:
         print(f"Mitsuba's cuda_ad_rgb cannot be used: {error}", file=sys.stderr)
         return MISSING
-    from tests.peers.mitsuba_scene import mitsuba_dict
-
     width, height, spp = map(int, options.mitsuba.split("x"))
     (name,) = _names(options)
-    case = CASES[name](sizes)
-    with tempfile.TemporaryDirectory() as folder:
-        made = mitsuba_dict(mi, case.twin or case.description, _settings(case, width, height), Path(folder))
-        if case.theirs is not None:
-            case.theirs(mi, made)
-        scene = mi.load_dict(made)
+    scene = mitsuba_scene(mi, CASES[name](sizes), width, height)
 
     def picture(seed: int) -> None:
         drjit.eval(mi.render(scene, spp=spp, seed=seed))
@@ -504,6 +497,17 @@ def _mitsuba(options: argparse.Namespace, sizes: Sizes) -> int:
 
     print(json.dumps(_best(picture, width * height * spp)))
     return 0
+
+
+def mitsuba_scene(mi: Any, case: Case, width: int, height: int) -> Any:
+    """Returns a case's scene in Mitsuba, for pictures of width x height pixels. mi: the module, with a variant set."""
+    from tests.peers.mitsuba_scene import mitsuba_dict
+
+    with tempfile.TemporaryDirectory() as folder:
+        made = mitsuba_dict(mi, case.twin or case.description, _settings(case, width, height), Path(folder))
+        if case.theirs is not None:
+            case.theirs(mi, made)
+        return mi.load_dict(made)
 
 
 # --- the table ----------------------------------------------------------------------------------------------------------------
