@@ -188,7 +188,6 @@ def test_slot_with_a_card_trains_the_guide_while_the_cores_are_paused(farm: Farm
         view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
         job = client.submit(scene.id, view=view, width=WIDTH, height=HEIGHT, spp=SPP, max_depth=DEPTH, guiding="on").id
         log = finish(farm, job, digest_without_farm(SPP, guiding="on"))
-    assert "No ready worker can train path guides." in log, log
     assert "attic-gpu: " in log, log
 
 

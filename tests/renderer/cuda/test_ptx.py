@@ -154,6 +154,6 @@ def test_registers_and_spills_stay_within_their_budget(variant: str, tmp_path: P
         said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
         found = {name: tuple(map(int, used)) for name, *used in MEASURED.findall(said)}
         assert sorted(found) == _kernels(variant)
-        budget = BUDGET | (BY_LIGHT if variant.endswith(("-paths", "-groups")) else {})
+        budget = BUDGET | (BY_LIGHT if suffixes_of(variant) & {"-paths", "-groups"} else {})
         over = {name: used for name, used in found.items() if (np.array(used) > budget.get(name, OTHERS)).any()}
         assert not over, architecture
