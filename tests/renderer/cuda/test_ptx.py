@@ -32,7 +32,7 @@ BUDGET = {
     "end_paths": (256, 64, 64),
     "shade_hits": (256, 192, 255),  # its spills are those of reflection catchers; without, there are 16 bytes
 }
-BY_LIGHT = {"end_paths": (256, 64, 128)}  # which adds each group and path to the film
+BY_LIGHT = {"end_paths": (256, 64, 128), "shade_misses": (256, 192, 240)}  # which add light to each group and path
 OTHERS = 256, 64, 255
 MEASURED = re.compile(
     r"Function properties for (\w+)\n\s+(\d+) bytes stack frame, (\d+) bytes spill stores.*\n.*Used (\d+) registers"
