@@ -30,6 +30,7 @@ from renderer.cuda.render import CardError, CardRenderer
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES, digest
 from renderer.render import RenderStats, render_batch, render_frame
+from renderer.self_test.compare import judge
 from renderer.settings import RenderSettings, Tile, tiles_of
 from tests.helpers import ROOT
 from tests.renderer.cuda.on_host import fake_driver, shared_object
@@ -242,17 +243,34 @@ def test_card_frame_by_light_equals_the_cpu_one_until_it_stops(
     card.close()
 
 
-@pytest.mark.long
-def test_card_frame_through_casters_equals_the_cpu_one(library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object("full-caustics", tmp_path)))
+@pytest.mark.long  # builds the kernels of a variant, a minute each
+@pytest.mark.parametrize(
+    ("kernel", "names"),
+    (
+        ("full-caustics", ("casters", "casters by copies")),
+        ("media-caustics", ("casters by wax",)),
+        ("moving-caustics", ("casters for a camera that moves",)),
+        ("aimed-caustics", ("casters by lamps in glass",)),
+        ("catchers-caustics", ("casters on a floor that reflects",)),
+    ),
+)
+def test_card_frame_through_casters_equals_the_cpu_one(
+    kernel: str, names: tuple[str, ...], library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """With mattes and deep pixels; then the self-test of that kernel."""
+    with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object(kernel, tmp_path)))
     card = CardRenderer(find_cards(library).usable[0], library)
-    for name in ("casters", "casters by copies"):
+    for name in names:
         scene, settings = made(name)
+        settings = replace(settings, cryptomatte=2, deep=8)
         of_card, of_cpu = RenderStats(), RenderStats()
         film = render_frame(scene, settings, 3, stats=of_card, card=card)
-        assert (film == render_frame(scene, settings, 3, stats=of_cpu)).all()
+        of_pool = render_frame(scene, settings, 3, stats=of_cpu)
+        assert digest(film, of_card.hits, of_card.deep) == digest(of_pool, of_cpu.hits, of_cpu.deep)
         assert of_card.rays == of_cpu.rays
+    assert card.has_kernel(kernel)
     card.close()
+    assert judge(card.card, kernel, library) == ("", True)
 
 
 def test_few_paths_render_many_samples(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
