@@ -285,9 +285,8 @@ def _render_on(
     if found.bad_count:  # a card counts them: the CPU lists those of the pixels that lack samples
         for y, x in np.argwhere(found.sums[SAMPLES] < count)[:MAX_BAD]:
             bad += _render(scene, settings, Tile(tile.x + int(x), tile.y + int(y), 1, 1), first, count)[0].bad
-    return BatchSums(
-        found.sums, bad[:MAX_BAD], found.bad_count, *_counted(found.records, settings, tile, arguments.camera)
-    ), found.rays
+    counted = _counted(found.records, settings, tile, arguments.camera)
+    return BatchSums(found.sums, bad[:MAX_BAD], found.bad_count, *counted), found.rays
 
 
 class _CardArguments(NamedTuple):

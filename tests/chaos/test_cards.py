@@ -5,6 +5,7 @@ The graphics card or its worker may fail meanwhile. The card is simulated on the
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import subprocess
@@ -19,6 +20,7 @@ import httpx
 import numpy as np
 import psutil
 import pytest
+from PIL import Image
 from websockets.sync.client import connect
 
 from renderer import film
@@ -27,6 +29,7 @@ from renderer.cuda import verdicts
 from renderer.cuda.cards import cards_from_search, search_command
 from renderer.cuda.verdicts import START_KERNELS
 from renderer.image import rgbe9995
+from renderer.kernel.draft import DRAFT_STOPS
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
@@ -245,6 +248,14 @@ def test_view_with_a_card_has_the_bits_of_the_cores(tmp_path: Path, driver: dict
         show(id + 1, 4)
         check(id + 1, 4)
         if trouble == "alone":
+            viewer.say(id=id + 3, view=view, width=96, height=64, spp=64, max_depth=5, draft=1.0)
+            check(id + 3, 5)
+            ((head, jpeg),) = viewer.drafts
+            assert head.id == id + 3
+            shown = np.asarray(Image.open(io.BytesIO(jpeg)))
+            assert shown.shape == (head.h, head.w, 3)
+            drafted = (2.0 ** (shown * DRAFT_STOPS / 255) - 1) / 255 * 2.0**-head.exposure
+            np.testing.assert_allclose(drafted.mean((0, 1)), rgbe9995.unpack(viewer.words).mean((0, 1)), rtol=0.4)
             job = submit(farm, SPP, tile_size=16)
             with farm.client() as client:
                 wait_until(lambda: client.job(job).progress > 0.05, 60, "the job is rendered")

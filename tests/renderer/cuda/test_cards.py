@@ -29,12 +29,12 @@ from renderer.cuda.driver import Card, Device, Driver, DriverError
 from renderer.cuda.render import CardError, CardRenderer
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES, digest
-from renderer.jit import entry
-from renderer.kernel.draft import DRAFT_STOPS, draft_word
+from renderer.kernel.draft import DRAFT_STOPS
 from renderer.render import RenderStats, render_batch, render_draft, render_frame
 from renderer.settings import RenderSettings, Tile, tiles_of
 from tests.helpers import ROOT
 from tests.renderer.cuda.on_host import fake_driver, shared_object
+from tests.renderer.drafts import draft_of
 from tests.renderer.kernel.backends.features import GROUPS, VIEW, grouped, made
 from tests.renderer.test_spectral import room_by_spectra, room_over_a_catcher
 from worker.work import slot_card
@@ -185,21 +185,13 @@ def test_card_batch_equals_the_cpu_batch(card: CardRenderer) -> None:
     assert (render_batch(scene, settings, tile, 2, 5, card).sums == render_batch(scene, settings, tile, 2, 5).sums).all()
 
 
-@entry
-def _encode(film, scale, words):
-    for y in range(words.shape[0]):
-        for x in range(words.shape[1]):
-            words[y, x] = draft_word(film[0, y, x], film[1, y, x], film[2, y, x], film[SAMPLES, y, x], scale)
-
-
 def test_card_draft_has_the_bits_of_the_cores(card: CardRenderer) -> None:
     """Drafts of one size after another and of whole batches between them: each begins with an empty film."""
     scene, settings = made("diffuse")
     whole, corner = Tile(0, 0, settings.width, settings.height), Tile(5, 7, 9, 4)
     for tile, first, count, exposure in ((whole, 0, 4, 0.0), (whole, 0, 4, 0.0), (corner, 2, 3, 2.5), (whole, 0, 1, -3.0)):
         sums = render_batch(scene, settings, tile, first, count).sums
-        wanted, scale = np.empty((tile.h, tile.w), np.uint32), np.float32(2.0 ** (exposure - settings.film_exponent))
-        _encode(sums, scale, wanted)
+        wanted = draft_of(sums, settings.film_exponent, exposure)
         assert (render_draft(scene, settings, tile, first, count, card, exposure) == wanted).all()
         assert len(np.unique(wanted)) > 9
         assert (render_batch(scene, settings, corner, 0, 2, card).sums == render_batch(scene, settings, corner, 0, 2).sums).all()
@@ -212,8 +204,7 @@ def test_draft_codes_are_the_nearest_on_a_logarithmic_scale() -> None:
     film[COLOR] = np.rint(2.0 ** (rng.uniform(-14, 6, (3, 40, 50)) + 20))
     film[SAMPLES] = rng.integers(0, 5, (40, 50))
     film[0, :10] *= -1
-    words = np.empty((40, 50), np.uint32)
-    _encode(film, np.float32(2.0**-20), words)
+    words = draft_of(film, 20)
     codes = np.moveaxis(words.view(np.uint8).reshape(40, 50, 4), -1, 0)[:3]
     exact = 255 * np.log2(1 + 255 * np.maximum(film[COLOR] * 2.0**-20 / np.maximum(film[SAMPLES], 1), 0)) / DRAFT_STOPS
     assert (np.abs(codes - np.minimum(exact, 255)) < 0.5001).all()
