@@ -49,18 +49,23 @@ class ViewCards:
         return [report for report in ready if self._refusals.get((report.name, name), 0.0) < now]
 
     def free(
-        self, session: ViewSession, out: Collection[PendingMessage], shared: Collection[str], has_cpu: bool
+        self,
+        session: ViewSession,
+        out: Collection[PendingMessage],
+        shared: Collection[str],
+        has_cpu: bool,
+        drafts: bool = False,
     ) -> WorkerReport | None:
         """Returns the report of a worker with a card that takes another message of the session's view; None if there is none.
 
         out: all messages that are not answered. shared: names of workers that have batches queued. has_cpu: whether CPU slots
-        render the view, too.
+        render the view, too. drafts: whether the message is for a draft.
         """
         if session.settings is None or session.request is None:
             return None
         for report in self.accepting(session.kind, session.compiled, session.settings):
             is_busy = has_cpu and self.is_busy(report.name)
-            if is_busy and not session.has_picture:
+            if (is_busy and not session.has_picture) or (drafts and not report.drafts_views):
                 continue
             is_unknown = self.cost_s(session.request, report.name) is None
             ahead = 1 if is_busy or is_unknown or (report.name in shared and session.samples) else AHEAD

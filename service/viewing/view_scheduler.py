@@ -62,6 +62,7 @@ MIN_IDLE_S, IDLE_S = 0.001, 0.2  # between two checks of sessions that wait for 
 KEY_TTL_S = 15
 ANSWERS_GRACE_S = 1.0  # after the last session closed, for answers on their way
 REVIEW_EVERY_S = 0.5
+DRAFT_SEND_TIMEOUT_S = 0.3  # for which a view waits for a card that has room for its draft
 LOST_AFTER_S = 3.0  # without a report of the message by any slot
 FAILURES_ALLOWED = 3
 
@@ -358,17 +359,16 @@ class ViewScheduler:
             self._send(out, ViewDenoise(out.id, session.id, session.view, *size))
 
     def _send_draft(self, session: ViewSession) -> None:
-        """Sends a message for the view's draft, if a card has room for it and it is not sent yet. No card at all: ends drafts."""
+        """Sends a message for the view's draft, once a card has room for it; if none has in time, the view has no draft."""
         if session.draft_size is None or session.piece_wait_s < math.inf or session.settings is None or session.request is None:
             return
         if any(out.drafts and out.session is session for out in self._out.values()):
             return
-        cards = self._cards.accepting(session.kind, session.compiled, session.settings)
-        if not any(report.drafts_views for report in cards):
-            session.stop_drafts()
-            return
-        card = self._cards.free(session, self._out.values(), self._shared_cards, self._cpu_slots(session) > 0)
-        if card is None or not card.drafts_views:
+        has_cpu = self._cpu_slots(session) > 0
+        card = self._cards.free(session, self._out.values(), self._shared_cards, has_cpu, drafts=True)
+        if card is None:
+            if time.monotonic() - session.begun > DRAFT_SEND_TIMEOUT_S:
+                session.stop_drafts()
             return
         width, height, samples = session.draft_size
         out = PendingMessage(session, session.view, session.kind, drafts=True, queue=card_view_queue(card.name), card=card.name)

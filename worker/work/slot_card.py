@@ -45,7 +45,6 @@ __all__ = [
     "Block",
     "Render",
     "ReturnedError",
-    "T",
     "UnusableError",
     "blocks_of",
     "render_blocks",

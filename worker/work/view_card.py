@@ -9,6 +9,7 @@ import logging
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,10 +21,12 @@ from renderer.image.draft import encode_draft
 from renderer.render import render_batch, render_draft
 from renderer.sentences import Sentence
 from worker.process.context import WorkerContext
-from worker.work.slot_card import MAX_PACKED_BEHIND, Block, Render, ReturnedError, T, UnusableError, render_blocks
+from worker.work.slot_card import MAX_PACKED_BEHIND, Block, Render, ReturnedError, UnusableError, render_blocks
 from worker.work.viewport import ViewAnswers, pack_view_sums
 
 __all__ = ["render_view_on_card"]
+
+T = TypeVar("T")
 
 MAX_READY = 256  # scenes
 
