@@ -5,6 +5,7 @@ The graphics card or its worker may fail meanwhile. The card is simulated on the
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import subprocess
@@ -19,6 +20,7 @@ import httpx
 import numpy as np
 import psutil
 import pytest
+from PIL import Image
 from websockets.sync.client import connect
 
 from renderer import film
@@ -34,6 +36,7 @@ from renderer.settings import RenderSettings
 from tests.chaos.test_digest import DEPTH, HEIGHT, VIEW, WIDTH, digest_without_farm, submit
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from tests.renderer.cuda.on_host import fake_driver, shared_objects
+from tests.renderer.drafts import draft_of
 from tests.service.viewer import Viewer
 
 pytestmark = pytest.mark.long
@@ -260,6 +263,18 @@ def test_view_with_a_card_has_the_bits_of_the_cores(tmp_path: Path, driver: dict
         show(id + 1, 4)
         check(id + 1, 4)
         if trouble == "alone":
+            viewer.say(id=id + 3, view=view, width=96, height=64, spp=64, max_depth=5, draft=1.0)
+            check(id + 3, 5)
+            ((head, jpeg),) = viewer.drafts
+            assert head.id == id + 3
+            shown = np.asarray(Image.open(io.BytesIO(jpeg)))
+            assert shown.shape == (head.h, head.w, 3)
+            settings = RenderSettings(head.w, head.h, VIEW, max_depth=5)
+            scene_of_cores = compile_scene(read(ROOT / "scenes", "cornell-box.yaml"))
+            words = draft_of(render_frame(scene_of_cores, settings, head.samples, threads=2), settings.film_exponent, 1.0)
+            wanted = words[..., None].view(np.uint8).reshape(head.h, head.w, 4)[..., :3]
+            luma = np.array([0.299, 0.587, 0.114])  # its error is that of the JPEG, colour has a quarter of the pixels
+            assert np.abs(shown @ luma - wanted @ luma).mean() < 8
             job = submit(farm, SPP, tile_size=16)
             with farm.client() as client:
                 wait_until(lambda: client.job(job).progress > 0.05, 60, "the job is rendered")
