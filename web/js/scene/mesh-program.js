@@ -15,3 +15,13 @@ export function programOf(gl, vertex, fragment) {
   gl.linkProgram(program);
   return gl.getProgramParameter(program, gl.LINK_STATUS) ? program : null;
 }
+
+/** Returns a function that finds a program's uniforms, and remembers them. @param {WebGL2RenderingContext} gl @param {WebGLProgram} program @returns {(name: string) => WebGLUniformLocation | null} */
+export function uniformsOf(gl, program) {
+  /** @type {Map<string, WebGLUniformLocation | null>} */
+  const known = new Map();
+  return (name) => {
+    if (!known.has(name)) known.set(name, gl.getUniformLocation(program, name));
+    return known.get(name) ?? null;
+  };
+}
