@@ -20,6 +20,7 @@ WIDEST = 1024  # pixels of a side
 MOST_TEXELS = 1 << 24  # of all textures: with JPEG and WebP, about half a byte each
 MOST_TEXTURES = 256  # further ones are not shown
 _QUALITY = 88
+_SMALL = 64  # pixels of a side, up to which files are small without losses
 _FASTEST = 0  # of WebP's methods
 
 
@@ -50,7 +51,7 @@ class Textures:
         return float(green / most), float(blue / most)
 
     def encoded(self) -> tuple[PreviewTexture, ...]:
-        """Returns the collected textures as JPEG files, or as WebP files where some pixels are transparent."""
+        """Returns the collected textures as JPEG or, if they are small, PNG files; as WebP files where some pixels are transparent."""
         side = int(min(WIDEST, math.sqrt(MOST_TEXELS / max(len(self._numbers), 1))))
         files: dict[tuple[int, bool], tuple[bytes, str]] = {}
         found = []
@@ -92,5 +93,8 @@ def _encoded(picture: Pillow.Image) -> tuple[bytes, str]:
     if picture.mode == "RGBA" and np.asarray(picture.getchannel("A")).min() < 255:
         picture.save(file, "WEBP", quality=_QUALITY, method=_FASTEST, exact=True)  # opaque materials show transparent pixels
         return file.getvalue(), "image/webp"
-    picture.convert("RGB").save(file, "JPEG", quality=_QUALITY)
+    if max(picture.size) <= _SMALL:
+        picture.convert("RGB").save(file, "PNG")
+        return file.getvalue(), "image/png"
+    picture.convert("RGB").save(file, "JPEG", quality=_QUALITY, subsampling=0)  # hues of neighbouring texels stay apart
     return file.getvalue(), "image/jpeg"

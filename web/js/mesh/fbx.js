@@ -49,6 +49,9 @@ class Scene {
     /** Images in the file, by their bytes. @type {Map<Uint8Array, Picture>} */
     this.pictures = new Map();
     this.isBlenders = String(childOf(nodes.find(({ name }) => name === "FBXHeaderExtension"), "Creator")?.values[0] ?? "").startsWith("Blender");
+    const templates = nodes.find(({ name }) => name === "Definitions")?.children.filter(({ name }) => name === "ObjectType") ?? [];
+    /** What materials have that do not state it. */
+    this.materialDefaults = propertiesOf(childOf(templates.find(({ values }) => values[0] === "Material"), "PropertyTemplate"));
     this.settings = propertiesOf(nodes.find(({ name }) => name === "GlobalSettings"));
     this.root = rootOf(this.settings);
     for (const node of nodes.find(({ name }) => name === "Objects")?.children ?? [])
@@ -305,7 +308,8 @@ async function layerOf(geometry, layer, name, indexed, width, polygons) {
 }
 
 /** @param {Scene} scene @param {string} id @param {Thing} thing @param {(reference: string) => Promise<Picture | null>} picture @returns {Promise<Material>} */
-async function materialOf(scene, id, { node, properties }, picture) {
+async function materialOf(scene, id, { node, properties: stated }, picture) {
+  const properties = new Map([...scene.materialDefaults, ...stated]);
   const emission = /** @type {import("./shapes.js").Vec3} */ (vectorIn(properties, "EmissiveColor").map((value) => value * numberIn(properties, "EmissiveFactor", 1)));
   const factor = numberIn(properties, "DiffuseFactor", 1);
   const connected = scene.children.get(id) ?? [];
@@ -313,7 +317,7 @@ async function materialOf(scene, id, { node, properties }, picture) {
   const image = texture === undefined ? null : await imageOf(scene, texture, picture);
   const color = image ? [factor, factor, factor] : vectorIn(properties, "DiffuseColor", [0.8, 0.8, 0.8]).map((value) => value * factor);
   // Renderers' own materials, and further textures, are left to the service.
-  const isKnown = ![...properties.keys()].some((name) => name.includes("|")) && !connected.some(({ property }) => property && property !== "DiffuseColor" && !property.startsWith("Bump"));
+  const isKnown = ![...stated.keys()].some((name) => name.includes("|")) && !connected.some(({ property }) => property && property !== "DiffuseColor" && !property.startsWith("Bump"));
   const { opacity, ...surface } = { ...surfaceOf(properties, String(childOf(node, "ShadingModel")?.values[0]), scene.isBlenders), emission };
   const mode = opacity < 1 ? /** @type {const} */ ("blend") : /** @type {const} */ ("opaque");
   return { color: [...coded(color), Math.round(255 * opacity)], image, surface: { ...surface, alpha_mode: mode }, isKnown };

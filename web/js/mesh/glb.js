@@ -128,7 +128,8 @@ function meshOf(gltf, bin, beside, most) {
   if (!found) return null;
   const { packet, places } = found;
   if (lamps.length) packet.lamps = lamps.map((lamp) => fromMiddle(lamp, packet.low, packet.high));
-  const isWhole = drawn.length === all.length && !(gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights) && !gltf.extensions?.KHR_materials_variants;
+  const hasPanes = packet.materials.some(({ transmission, thin }) => transmission > 0 && thin); // the service looks whether they are closed, and so filled
+  const isWhole = !hasPanes && drawn.length === all.length && !(gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights) && !gltf.extensions?.KHR_materials_variants;
   return { packet, view: fileCamera(gltf, packet.low, packet.high) ?? frame(places), isWhole, images: pictures.all };
 }
 

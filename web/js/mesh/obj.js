@@ -280,7 +280,7 @@ async function readMtl(file, beside) {
     const base = numbersOf(values["kd"]) ?? [0.8, 0.8, 0.8];
     const isWhole = !FURTHER.some((keyword) => values[keyword]) && (!map || image !== null) && !MAP_OPTIONS.test(map ?? "");
     const { color, surface } = surfaceOf(values, image && (Math.max(...base) === 0 || !values["kd"]) ? [1, 1, 1] : base, image !== null, BLENDERS.test(text));
-    found.set(withoutComment(name), { color, image: surface.transmission ? null : image, surface, isWhole });
+    found.set(withoutComment(name), { color, image: surface.transmission ? null : image, surface, isWhole: isWhole && !surface.transmission }); // the service looks whether glass is a pane
   }
   return found;
 }
@@ -311,7 +311,7 @@ function surfaceOf(values, base, hasMap, isBlenders) {
     const metallic = isPhysical ? at("pm") : model === METAL ? (numbersOf(values["ka"]) ?? [1, 1, 1]).reduce((sum, value) => sum + value / 3, 0) : 0;
     const level = Math.min(2 * Math.max(...(numbersOf(values["ks"]) ?? [0.5])), 1);
     const transmission = isPhysical ? Math.max(...(numbersOf(values["tf"]) ?? [0])) : 0;
-    return { color: withOpacity(base), surface: { ...own, roughness, metallic, ior, transmission, f0: dielectric(ior, [1, 1, 1], level), coat: at("pc") / 4 } };
+    return { color: withOpacity(base), surface: { ...own, roughness, metallic, ior, transmission, f0: dielectric(ior, [1, 1, 1], level), coat: at("pc") / 4, coat_roughness: at("pcr") } };
   }
   if (!isPhysical && GLASS.includes(model)) return { color: [...coded(numbersOf(values["tf"]) ?? [1, 1, 1]), 255], surface: { emission, transmission: 1, roughness: 0, ior, f0: dielectric(ior) } };
   if (!isPhysical && isBlack && MIRRORS.includes(model) && Math.max(...specular) > 0) return { color: [...coded(specular), 255], surface: { emission, metallic: 1, roughness: 0 } };

@@ -66,8 +66,8 @@ export class MeshCanvas {
     this.light = null;
     /** What is drawn before glass. @type {WebGLTexture | null} */
     this.behind = null;
-    /** Middles of the parts, relative to the mesh's. @type {Vec3[]} */
-    this.middles = [];
+    /** Middles of the parts, relative to the mesh's, and their sizes. @type {{middle: Vec3, size: number}[]} */
+    this.places = [];
     this.resizing = new ResizeObserver(() => this.invalidate());
     this.resizing.observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
@@ -115,7 +115,7 @@ export class MeshCanvas {
     if (mesh.uvs) attribute("uv", mesh.uvs, 2, gl.FLOAT);
     else gl.disableVertexAttribArray(gl.getAttribLocation(program, "uv"));
     fill(gl.ELEMENT_ARRAY_BUFFER, mesh.indices);
-    this.middles = mesh.parts.map((part) => middleOf(mesh, part));
+    this.places = mesh.parts.map((part) => placeOf(mesh, part));
     gl.activeTexture(gl.TEXTURE0);
     this.textures = [...mesh.textures, null].map(() => whiteTexture(gl));
     const data = new Set(mesh.materials.map((material) => material.metallic_roughness_texture));
@@ -241,7 +241,7 @@ export class MeshCanvas {
       this.setLamps(light.lamps, mesh);
     };
     use();
-    const parts = mesh.parts.map((part, i) => ({ part, middle: /** @type {Vec3} */ (this.middles[i]), material: /** @type {MeshMaterial} */ (mesh.materials[part.material]) }));
+    const parts = mesh.parts.map((part, i) => ({ part, .../** @type {{middle: Vec3, size: number}} */ (this.places[i]), material: /** @type {MeshMaterial} */ (mesh.materials[part.material]) }));
     const glass = parts.filter(({ material }) => material.transmission > 0);
     const blended = parts.filter(({ material }) => material.transmission === 0 && material.alpha_mode === "blend");
     const away = (/** @type {Vec3} */ middle) => middle.reduce((sum, value, i) => sum + (eye[3] ? ((eye[i] ?? 0) - value) ** 2 : -(eye[i] ?? 0) * value), 0);
@@ -261,7 +261,10 @@ export class MeshCanvas {
       gl.uniform1i(at("pass"), PASS.glass);
       gl.uniform1i(at("hasBehind"), hasBehind ? 1 : 0);
       if (hasBehind) bind(gl, UNITS.behind, this.behind);
-      for (const { part, material } of farthestFirst(glass)) this.drawPart(part, material);
+      for (const { part, material, size } of farthestFirst(glass)) {
+        gl.uniform1f(at("depth"), material.thin ? 0 : size);
+        this.drawPart(part, material);
+      }
     }
     if (blended.length) {
       gl.uniform1i(at("pass"), PASS.blend);
@@ -378,12 +381,21 @@ function bind(gl, unit, texture) {
 /** @param {Vec3} vector @returns {Vec3} */
 const unit = (vector) => /** @type {Vec3} */ (vector.map((value) => value / (Math.hypot(...vector) || 1)));
 
-/** Returns the middle of some corners of a part, relative to the mesh's. @param {MeshPacket} mesh @param {MeshPart} part @returns {Vec3} */
-function middleOf({ positions, indices, low, high }, { first, corners }) {
+/** Returns the middle of some corners of a part, relative to the mesh's, and their longest extent. @param {MeshPacket} mesh @param {MeshPart} part @returns {{middle: Vec3, size: number}} */
+function placeOf({ positions, indices, low, high }, { first, corners }) {
   const step = Math.max(1, Math.floor(corners / SAMPLED));
   const sum = [0, 0, 0];
+  const least = [65535, 65535, 65535];
+  const most = [0, 0, 0];
   let sampled = 0;
   for (let i = first; i < first + corners; i += step, sampled++)
-    for (let axis = 0; axis < 3; axis++) sum[axis] = (sum[axis] ?? 0) + (positions[4 * (indices[i] ?? 0) + axis] ?? 0);
-  return /** @type {Vec3} */ (sum.map((value, i) => (value / sampled / 65535 - 0.5) * ((high[i] ?? 0) - (low[i] ?? 0))));
+    for (let axis = 0; axis < 3; axis++) {
+      const value = positions[4 * (indices[i] ?? 0) + axis] ?? 0;
+      sum[axis] = (sum[axis] ?? 0) + value;
+      least[axis] = Math.min(least[axis] ?? 0, value);
+      most[axis] = Math.max(most[axis] ?? 0, value);
+    }
+  const scale = (/** @type {number} */ axis) => ((high[axis] ?? 0) - (low[axis] ?? 0)) / 65535;
+  const middle = /** @type {Vec3} */ (sum.map((value, axis) => (value / sampled - 32767.5) * scale(axis)));
+  return { middle, size: Math.max(...most.map((value, axis) => (value - (least[axis] ?? 0)) * scale(axis))) };
 }

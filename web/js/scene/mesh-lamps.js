@@ -23,7 +23,7 @@ export function lampsOf(lamps, isAlone) {
   const scale = total && (isOutside || lamps.some(({ isRelative }) => isRelative)) ? USUAL / total : 1;
   const sorted = lamps.toSorted((a, b) => bright(b) - bright(a)).map((lamp) => ({ ...lamp, color: scaled(lamp.color, scale) }));
   const sum = (/** @type {Lamp[]} */ of) => of.reduce((all, { color }) => /** @type {Vec3} */ (all.map((value, i) => value + (color[i] ?? 0))), /** @type {Vec3} */ ([0, 0, 0]));
-  const [between, others] = [scaled(sum(sorted), isAlone ? BETWEEN : 0), scaled(sum(sorted.slice(MOST_LAMPS)), SCATTERED)];
+  const [between, others] = [scaled(sum(sorted), isAlone ? BETWEEN * Math.min(1, USUAL / (total * scale || 1)) : 0), scaled(sum(sorted.slice(MOST_LAMPS)), SCATTERED)];
   return { lamps: sorted.slice(0, MOST_LAMPS), around: /** @type {Vec3} */ (between.map((value, i) => value + (others[i] ?? 0))) };
 }
 

@@ -74,6 +74,7 @@ uniform vec3 emission;
 uniform float transmission;
 uniform float ior;
 uniform bool thin;
+uniform float depth; // how far behind glass is what is seen through it
 uniform float coat;
 uniform float coatRoughness;
 uniform bool unlit;
@@ -135,7 +136,7 @@ vec3 transmitted(vec3 n, vec3 v, float rough) {
   }
   vec3 light = reflected(way, rough);
   if (!hasBehind) return light;
-  vec4 at = toClip * vec4(place + (thin ? 0.0 : 0.25 * length(extent)) * way, 1.0);
+  vec4 at = toClip * vec4(place + depth * way, 1.0);
   vec2 uv = 0.5 + 0.5 * at.xy / at.w;
   if (at.w <= 0.0 || uv != clamp(uv, 0.0, 1.0)) return light;
   vec4 known = textureLod(behind, uv, 7.0 * rough);
