@@ -40,6 +40,7 @@ MOST_SPHERES = 2_000
 MOST_EMITTERS = 1_000  # further ones light nothing
 RINGS, FEW_RINGS = 24, 12  # of a sphere, and of one among many
 FEW_SPHERES = 200
+HUGE, REACH = 50.0, 12.0  # radius of a wall, and how far it is drawn, by the distance from the camera to it
 
 
 class _Shape(NamedTuple):
@@ -232,10 +233,38 @@ def _spheres(description: SceneDescription, surfaces: _Surfaces) -> list[_Part]:
         material = _material_of_sphere(description, sphere)
         if material.kind != "interface" and not material.unseen:
             surface = surfaces.of(sphere.material, material, ball, sphere.radius * np.eye(4))
-            positions = np.asarray(sphere.center) + sphere.radius * unit
-            color = _colors(ball, shape, surface)
-            found.append(_Part(positions, shape.normals, color, None, triangles.astype(np.uint32), surface.material))
+            own = _near_cap(description, sphere) or shape
+            positions = np.asarray(sphere.center) + sphere.radius * own.positions
+            color = _colors(ball, own, surface)
+            found.append(_Part(positions, own.normals, color, None, own.triangles.astype(np.uint32), surface.material))
     return found
+
+
+def _near_cap(description: SceneDescription, sphere: Sphere) -> _Shape | None:
+    """Returns the part of a unit sphere near the camera, if it is so large that it is a wall or the ground; else None."""
+    if not description.cameras:
+        return None
+    way = np.asarray(description.cameras[0].view.eye, np.float64) - np.asarray(sphere.center)
+    away = float(np.linalg.norm(way))
+    gap = abs(away - sphere.radius)
+    if sphere.radius < HUGE * gap or gap == 0.0:
+        return None
+    axis = way / away
+    across = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    across /= np.linalg.norm(across)
+    theta = np.repeat(np.geomspace(0.02, REACH, RINGS) * gap / sphere.radius, 2 * RINGS)[:, None]
+    phi = np.tile(np.linspace(0.0, 2.0 * np.pi, 2 * RINGS, endpoint=False), RINGS)[:, None]
+    rim = np.cos(theta) * axis + np.sin(theta) * (np.cos(phi) * across + np.sin(phi) * np.cross(axis, across))
+    ring, step = (each.reshape(-1) for each in np.meshgrid(np.arange(RINGS - 1), np.arange(2 * RINGS), indexing="ij"))
+    a = ring * 2 * RINGS + step
+    b = ring * 2 * RINGS + (step + 1) % (2 * RINGS)
+    first = np.arange(2 * RINGS)
+    centre = np.column_stack([np.full(len(first), len(rim)), first, np.roll(first, -1)])
+    triangles = np.concatenate(
+        [centre, np.column_stack([a, a + 2 * RINGS, b]), np.column_stack([b, a + 2 * RINGS, b + 2 * RINGS])]
+    )
+    positions = np.vstack([rim, axis])
+    return _Shape(positions, positions.astype(np.float32), triangles, np.zeros(len(positions), np.int64))
 
 
 def _emitting_spheres(description: SceneDescription, bounds: F64) -> list[PreviewLamp]:

@@ -51,7 +51,7 @@ class Textures:
         return float(green / most), float(blue / most)
 
     def encoded(self) -> tuple[PreviewTexture, ...]:
-        """Returns the collected textures as JPEG or, if they are small, PNG files; as WebP files where some pixels are transparent."""
+        """Returns the collected textures as JPEG or, if they are small, PNG files; with transparent pixels as WebP files."""
         side = int(min(WIDEST, math.sqrt(MOST_TEXELS / max(len(self._numbers), 1))))
         files: dict[tuple[int, bool], tuple[bytes, str]] = {}
         found = []

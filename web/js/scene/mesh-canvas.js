@@ -7,7 +7,7 @@ import { cameraAxes, clipMatrix } from "./mesh-camera.js";
 import { studio } from "./mesh-environment.js";
 import { lampsOf } from "./mesh-lamps.js";
 import { programOf, uniformsOf } from "./mesh-program.js";
-import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, FRAGMENT, PASS, VERTEX } from "./mesh-shader.js";
+import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FRAGMENT, PASS, VERTEX } from "./mesh-shader.js";
 import { drawShadow, shadowProgram } from "./mesh-shadow.js";
 import { aroundTexture, fillTexture, tablesOf, whiteTexture } from "./mesh-textures.js";
 
@@ -25,6 +25,8 @@ const SHADED = 0.55;
 /** Texture units of the mesh: the projected picture has 1 to 4 (kept-picture.js). */
 const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8 };
 const ALPHA_MODES = { opaque: 0, mask: 1, blend: 2 };
+/** Corners from which a part is shaded at its vertices. */
+const DENSE = 600_000;
 /** Corners of a part that its middle is computed from. */
 const SAMPLED = 64;
 /** Roughness of glass from which what is behind it is blurred. */
@@ -56,7 +58,11 @@ export class MeshCanvas {
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** @type {WebGLProgram | null} */
     this.program = null;
-    /** Finds the uniforms of the program. @type {(name: string) => WebGLUniformLocation | null} */
+    /** Shades at the vertices; only for meshes with dense parts. @type {WebGLProgram | null} */
+    this.dense = null;
+    /** Finds the uniforms of a program. @type {Map<WebGLProgram, (name: string) => WebGLUniformLocation | null>} */
+    this.uniforms = new Map();
+    /** Finds those of the program in use. @type {(name: string) => WebGLUniformLocation | null} */
     this.at = () => null;
     /** By number; the last is white. @type {WebGLTexture[]} */
     this.textures = [];
@@ -66,7 +72,7 @@ export class MeshCanvas {
     this.light = null;
     /** What is drawn before glass. @type {WebGLTexture | null} */
     this.behind = null;
-    /** Middles of the parts, relative to the mesh's, and their sizes. @type {{middle: Vec3, size: number}[]} */
+    /** Middles of the parts, relative to the mesh's, their sizes, and whether they are shaded at the vertices. @type {{middle: Vec3, size: number, isDense: boolean}[]} */
     this.places = [];
     this.resizing = new ResizeObserver(() => this.invalidate());
     this.resizing.observe(canvas);
@@ -86,7 +92,9 @@ export class MeshCanvas {
     this.program ??= programOf(gl, VERTEX, FRAGMENT);
     const { program } = this;
     if (!program) return; // the picture comes without a preview
-    this.at = uniformsOf(gl, program);
+    this.places = mesh.parts.map((part) => placeOf(mesh, part));
+    if (this.places.some(({ isDense }) => isDense)) this.dense ??= programOf(gl, DENSE_VERTEX, DENSE_FRAGMENT, program);
+    for (const each of [program, this.dense]) if (each && !this.uniforms.has(each)) this.uniforms.set(each, uniformsOf(gl, each));
     this.shadow ??= shadowProgram(gl);
     this.backdrop ??= programOf(gl, BACKDROP_VERTEX, BACKDROP_FRAGMENT);
     gl.useProgram(program);
@@ -115,7 +123,6 @@ export class MeshCanvas {
     if (mesh.uvs) attribute("uv", mesh.uvs, 2, gl.FLOAT);
     else gl.disableVertexAttribArray(gl.getAttribLocation(program, "uv"));
     fill(gl.ELEMENT_ARRAY_BUFFER, mesh.indices);
-    this.places = mesh.parts.map((part) => placeOf(mesh, part));
     gl.activeTexture(gl.TEXTURE0);
     this.textures = [...mesh.textures, null].map(() => whiteTexture(gl));
     const data = new Set(mesh.materials.map((material) => material.metallic_roughness_texture));
@@ -216,12 +223,15 @@ export class MeshCanvas {
    * @param {{width: number, height: number} | null} onPage size of the canvas; null: the mesh is drawn into a texture, without its surroundings
    */
   drawMesh(toClip, mesh, view, kept, onPage) {
-    const { gl, program, at } = this;
+    const { gl, program } = this;
     if (!gl || !program) return;
     const light = this.prepareLight(mesh);
     const eye = view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
-    const use = () => {
+    /** @param {WebGLProgram} program @param {number} pass */
+    const use = (program, pass) => {
+      const at = (this.at = /** @type {(name: string) => WebGLUniformLocation | null} */ (this.uniforms.get(program)));
       gl.useProgram(program);
+      gl.uniform1i(at("pass"), pass);
       gl.uniform1i(at("hasKept"), kept ? 1 : 0);
       gl.uniform1i(at("kept"), 1); // units of their own, also while they are empty
       gl.uniform1i(at("keptDepth"), 2);
@@ -240,34 +250,36 @@ export class MeshCanvas {
       gl.uniform3fv(at("irradiance"), light.irradiance);
       this.setLamps(light.lamps, mesh);
     };
-    use();
-    const parts = mesh.parts.map((part, i) => ({ part, .../** @type {{middle: Vec3, size: number}} */ (this.places[i]), material: /** @type {MeshMaterial} */ (mesh.materials[part.material]) }));
+    const parts = mesh.parts.map((part, i) => ({ part, .../** @type {{middle: Vec3, size: number, isDense: boolean}} */ (this.places[i]), material: /** @type {MeshMaterial} */ (mesh.materials[part.material]) }));
     const glass = parts.filter(({ material }) => material.transmission > 0);
     const blended = parts.filter(({ material }) => material.transmission === 0 && material.alpha_mode === "blend");
     const away = (/** @type {Vec3} */ middle) => middle.reduce((sum, value, i) => sum + (eye[3] ? ((eye[i] ?? 0) - value) ** 2 : -(eye[i] ?? 0) * value), 0);
     const farthestFirst = (/** @type {typeof parts} */ of) => of.toSorted((a, b) => away(b.middle) - away(a.middle));
-    gl.uniform1i(at("pass"), PASS.opaque);
-    gl.uniform1i(at("hasBehind"), 0);
     bind(gl, UNITS.behind, this.textures.at(-1) ?? null);
-    for (const { part, material } of parts) if (material.transmission === 0) this.drawPart(part, material);
+    const opaque = parts.filter(({ material }) => material.transmission === 0);
+    const canBeDense = this.dense !== null && this.look.curve === curveIndex(DEFAULT_CURVE);
+    for (const dense of [true, false]) {
+      const chosen = opaque.filter(({ isDense, material }) => dense === (isDense && canBeDense && isPlain(material)));
+      if (chosen.length) use((dense && this.dense) || program, PASS.opaque);
+      for (const { part, material } of chosen) this.drawPart(part, material);
+    }
     const hasBehind = onPage !== null && glass.length > 0;
     if (hasBehind) this.copyBehind(onPage, glass.some(({ material }) => material.roughness > BLURRED));
     if (onPage && !kept) {
       this.drawBackdrop(view, onPage.width / onPage.height, light);
       if (this.hasFloor && this.shadow) drawShadow(gl, this.shadow, toClip, mesh, this.above);
-      use();
     }
     if (glass.length) {
-      gl.uniform1i(at("pass"), PASS.glass);
-      gl.uniform1i(at("hasBehind"), hasBehind ? 1 : 0);
+      use(program, PASS.glass);
+      gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);
       if (hasBehind) bind(gl, UNITS.behind, this.behind);
       for (const { part, material, size } of farthestFirst(glass)) {
-        gl.uniform1f(at("depth"), material.thin ? 0 : size);
+        gl.uniform1f(this.at("depth"), material.thin ? 0 : size);
         this.drawPart(part, material);
       }
     }
     if (blended.length) {
-      gl.uniform1i(at("pass"), PASS.blend);
+      use(program, PASS.blend);
       gl.enable(gl.BLEND);
       gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(false);
@@ -301,6 +313,7 @@ export class MeshCanvas {
     gl.uniform1f(at("coat"), material.coat);
     gl.uniform1f(at("coatRoughness"), material.coat_roughness);
     gl.uniform1i(at("unlit"), material.unlit ? 1 : 0);
+    gl.uniform1i(at("isWhole"), material.texture < 0 && !this.kept ? 1 : 0);
     gl.uniform1i(at("alphaMode"), ALPHA_MODES[material.alpha_mode]);
     gl.uniform1f(at("cutoff"), material.cutoff);
     gl.drawElements(gl.TRIANGLES, corners, gl.UNSIGNED_INT, 4 * first);
@@ -378,24 +391,31 @@ function bind(gl, unit, texture) {
   gl.bindTexture(gl.TEXTURE_2D, texture);
 }
 
+/** Returns whether a material is shaded by its vertices alone. @param {MeshMaterial} material */
+const isPlain = (material) => !material.unlit && material.coat === 0 && material.alpha_mode !== "blend" && Math.max(material.metallic_roughness_texture, material.emission_texture) < 0;
+
 /** @param {Vec3} vector @returns {Vec3} */
 const unit = (vector) => /** @type {Vec3} */ (vector.map((value) => value / (Math.hypot(...vector) || 1)));
 
-/** Returns the middle of some corners of a part, relative to the mesh's, and their longest extent. @param {MeshPacket} mesh @param {MeshPart} part @returns {{middle: Vec3, size: number}} */
-function placeOf({ positions, indices, low, high }, { first, corners }) {
+/** Returns the middle of some corners of a part, relative to the mesh's, their longest extent, and whether the part has so many triangles, with normals, that it is shaded at its vertices. @param {MeshPacket} mesh @param {MeshPart} part @returns {{middle: Vec3, size: number, isDense: boolean}} */
+function placeOf({ positions, normals, indices, low, high }, { first, corners }) {
   const step = Math.max(1, Math.floor(corners / SAMPLED));
   const sum = [0, 0, 0];
   const least = [65535, 65535, 65535];
   const most = [0, 0, 0];
   let sampled = 0;
-  for (let i = first; i < first + corners; i += step, sampled++)
+  let isDense = corners > DENSE;
+  for (let i = first; i < first + corners; i += step, sampled++) {
+    const vertex = indices[i] ?? 0;
+    isDense &&= normals[4 * vertex] !== 0 || normals[4 * vertex + 1] !== 0 || normals[4 * vertex + 2] !== 0;
     for (let axis = 0; axis < 3; axis++) {
-      const value = positions[4 * (indices[i] ?? 0) + axis] ?? 0;
+      const value = positions[4 * vertex + axis] ?? 0;
       sum[axis] = (sum[axis] ?? 0) + value;
       least[axis] = Math.min(least[axis] ?? 0, value);
       most[axis] = Math.max(most[axis] ?? 0, value);
     }
+  }
   const scale = (/** @type {number} */ axis) => ((high[axis] ?? 0) - (low[axis] ?? 0)) / 65535;
   const middle = /** @type {Vec3} */ (sum.map((value, axis) => (value / sampled - 32767.5) * scale(axis)));
-  return { middle, size: Math.max(...most.map((value, axis) => (value - (least[axis] ?? 0)) * scale(axis))) };
+  return { middle, isDense, size: Math.max(...most.map((value, axis) => (value - (least[axis] ?? 0)) * scale(axis))) };
 }
