@@ -24,9 +24,11 @@ def triangle(**more: Any) -> PreviewMesh:
 
 DECODE = """
     const images = [];
+    const e = await read("/js/scene/mesh-environment.js");
     const found = m.decodeMesh(new Uint8Array(a).buffer, async (...range) => void images.push(range));
     const plain = Object.entries(found).map(([name, value]) => [name, ArrayBuffer.isView(value) ? [...value] : value]);
-    return { ...Object.fromEntries(plain), environment: found.environment && [...found.environment.texels], images };"""
+    const environment = found.environment && [...e.unpacked(found.environment).texels];
+    return { ...Object.fromEntries(plain), environment, images };"""
 
 
 def test_mesh_packet_is_decoded_as_python_encodes_it(node: Node) -> None:

@@ -1,7 +1,6 @@
 /** A scene's preview mesh: what is drawn until there are path-traced samples, read by this page or by the service (protocol/mesh.py). */
 
 import { MESH_HEAD_BYTES, decodeMeshHead } from "../base/protocol.js";
-import { decode } from "../film/rgb9e5.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 
@@ -24,7 +23,7 @@ import { decode } from "../film/rgb9e5.js";
  * @property {boolean} isStudio whether it is the light that scenes without lights are given
  */
 
-/** Equirectangular radiance, three values a texel, rows from the top. The middle column is towards -Z. @typedef {{width: number, height: number, texels: Float32Array}} Environment */
+/** Equirectangular radiance as RGB9E5, rows from the top. The middle column is towards -Z. @typedef {{width: number, height: number, words: Uint32Array}} Environment */
 
 /**
  * A lamp. at: its place, or if it is far away the direction to it. color: radiance that it gives a white surface at the middle of the
@@ -104,7 +103,7 @@ export function decodeMesh(buffer, image) {
     colors: new Uint8Array(buffer, at.colors, 4 * vertices),
     ...(uvs && { uvs: new Float32Array(buffer, at.coordinates, 2 * vertices) }),
     indices: new Uint32Array(buffer, at.indices, 3 * triangles),
-    environment: height ? { width, height, texels: Float32Array.from([...new Uint32Array(buffer, at.texels, width * height)].flatMap((word) => decode(word))) } : null,
+    environment: height ? { width, height, words: new Uint32Array(buffer, at.texels, width * height) } : null,
     textures: textures.map((/** @type {{bytes: number, sampler: Sampler & {type: string}}} */ { bytes, sampler: { type, ...sampler } }) => ({ sampler, image: image(start, (start += bytes), type) })),
   };
 }

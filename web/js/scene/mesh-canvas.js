@@ -4,7 +4,7 @@ import { curveIndex } from "../film/film-shader.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { KeptPicture, fromMiddle } from "./kept-picture.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
-import { studio } from "./mesh-environment.js";
+import { studio, unpacked } from "./mesh-environment.js";
 import { lampsOf } from "./mesh-lamps.js";
 import { programOf, uniformsOf } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FRAGMENT, PASS, VERTEX } from "./mesh-shader.js";
@@ -324,7 +324,7 @@ export class MeshCanvas {
     const gl = /** @type {WebGL2RenderingContext} */ (this.gl);
     const { hasFloor } = this;
     if (this.light?.hasFloor === hasFloor) return this.light;
-    const environment = mesh.environment ?? (mesh.isStudio ? studio() : null);
+    const environment = mesh.environment ? unpacked(mesh.environment) : mesh.isStudio ? studio() : null;
     const { lamps, around } = lampsOf(mesh.lamps, environment === null);
     const tables = tablesOf(mesh, environment, hasFloor ? this.above : null, around);
     if (this.light) gl.deleteTexture(this.light.texture);

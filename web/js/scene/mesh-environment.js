@@ -1,7 +1,9 @@
 /** The light around a preview mesh: blurred more from level to level for rough reflections, and as irradiance for diffuse surfaces. */
 
+import { decode } from "../film/rgb9e5.js";
+
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
-/** @typedef {import("../news/mesh-packet.js").Environment} Environment */
+/** Equirectangular radiance, three values a texel, rows from the top. @typedef {{width: number, height: number, texels: Float32Array}} Environment */
 
 /** Rows of the first level, which is not blurred, and the number of levels; the last one is of roughness 1. */
 const HEIGHT = 64;
@@ -25,6 +27,9 @@ function directionOf(row, column, height) {
   const [theta, phi] = [((row + 0.5) * Math.PI) / height, ((column + 0.5) * Math.PI) / height - Math.PI];
   return [Math.sin(theta) * Math.sin(phi), Math.cos(theta), -Math.sin(theta) * Math.cos(phi)];
 }
+
+/** Unpacks a packet's environment. @param {import("../news/mesh-packet.js").Environment} packed @returns {Environment} */
+export const unpacked = ({ width, height, words }) => ({ width, height, texels: Float32Array.from([...words].flatMap((word) => decode(word))) });
 
 /** Returns the radiance of the light that scenes without lights are given, as renderer/scene/studio.py does. @returns {Environment} */
 export function studio() {

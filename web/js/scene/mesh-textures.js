@@ -63,7 +63,7 @@ let latest = null;
 
 /**
  * @param {MeshPacket} mesh
- * @param {import("../news/mesh-packet.js").Environment | null} environment
+ * @param {import("./mesh-environment.js").Environment | null} environment
  * @param {Vec3 | null} floor up in the scene, if it stands on a floor
  * @param {Vec3} around radiance that is added everywhere
  */
