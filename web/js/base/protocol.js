@@ -162,20 +162,28 @@ export function decodeDraftHead(view, at = 0) {
  * The head of a preview mesh.
  *
  * @typedef {object} MeshHead
- * @property {number} background u16: the world's sRGB colour, 5 bits each from the highest, and 1; 0: the studio, or not known
+ * @property {number} width u16: columns of the environment's texels
+ * @property {number} height u16: rows of them; 0: it is black
+ * @property {number} studio u16: 1: the environment is the studio that scenes without lights are given; 0: it is not
  * @property {number} vertices u32: number of vertices
  * @property {number} triangles u32: number of triangles
+ * @property {number} uvs u32: number of vertices, or 0 if there are no textures
+ * @property {number} described u32: number of bytes of the JSON
  */
 
-export const MESH_HEAD_BYTES = 12;
+export const MESH_HEAD_BYTES = 24;
 
 /** @param {DataView} view @param {number} [at] @returns {MeshHead} */
 export function decodeMeshHead(view, at = 0) {
-  check(view, at, 1, 4, "preview mesh");
+  check(view, at, 2, 4, "preview mesh");
   return {
-    background: view.getUint16(at + 2, true),
-    vertices: view.getUint32(at + 4, true),
-    triangles: view.getUint32(at + 8, true),
+    width: view.getUint16(at + 2, true),
+    height: view.getUint16(at + 4, true),
+    studio: view.getUint16(at + 6, true),
+    vertices: view.getUint32(at + 8, true),
+    triangles: view.getUint32(at + 12, true),
+    uvs: view.getUint32(at + 16, true),
+    described: view.getUint32(at + 20, true),
   };
 }
 

@@ -1,6 +1,6 @@
 /** The REST API, one function per call. Failures are an `ApiError` with the service's message. */
 
-import { decodeMesh } from "./mesh-packet.js";
+import { readMesh } from "./mesh-packet.js";
 import { decodeFilm } from "./tile-packet.js";
 import { fetchWithRetries } from "./busy.js";
 import { inProject } from "../base/project.js";
@@ -423,7 +423,7 @@ export async function fetchViewTable(name) {
 export async function fetchMesh(scene) {
   const response = await fetchWithRetries(`api/scenes/${scene}/preview`, {});
   if (!response.ok) throw errorOf(response.status, await response.text());
-  return decodeMesh(await response.arrayBuffer());
+  return readMesh(/** @type {ReadableStream<Uint8Array>} */ (response.body));
 }
 
 /** @param {Response} response */

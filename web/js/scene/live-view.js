@@ -623,6 +623,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
   look.subscribe((now) => {
     picture.look = now;
+    mesh.setLook(now);
     setText(shown, `${stops(now.exposure)} EV`);
     exposure.setAttribute("aria-valuetext", `${stops(now.exposure)} EV`);
     picture.invalidate();
@@ -723,7 +724,7 @@ function pictureUrl(picture, canvas, side) {
 }
 
 /**
- * Returns a preview mesh before its background as the URL of a JPEG.
+ * Returns a preview mesh as the URL of a JPEG.
  *
  * @param {import("./mesh-canvas.js").MeshCanvas} mesh
  * @param {HTMLCanvasElement} canvas of the mesh
@@ -733,11 +734,6 @@ function meshPicture(mesh, canvas) {
   const whole = h("canvas", { width, height });
   const brush = whole.getContext("2d");
   if (!brush) return "";
-  const studio = brush.createLinearGradient(0, 0, 0, height); // as css/workspace.css has it
-  studio.addColorStop(0, "#b2b2b2");
-  studio.addColorStop(1, "#acacac");
-  brush.fillStyle = mesh.mesh?.background ? `rgb(${mesh.mesh.background.join(" ")})` : studio;
-  brush.fillRect(0, 0, width, height);
   mesh.draw(); // WebGL keeps its picture only until the next frame
   brush.drawImage(canvas, 0, 0);
   return whole.toDataURL("image/jpeg", 0.92);
