@@ -33,7 +33,7 @@ def scenes_of_examples(paths: list[Path], visit: Visit, farm: Farm) -> list[list
 
 @cache
 def _ids_of(path: Path) -> tuple[str, str]:
-    """Returns the ids of an example's scene outside of projects: as it is opened, and as it is uploaded. Its files are read once."""
+    """Returns the ids of an example's scene outside of projects: as it is opened, and as it is uploaded. Reads its files once."""
     files = [(name, file.read_bytes()) for name, file in files_of(path)]
     refs = [BlobRef(name, hashlib.sha256(data).hexdigest(), len(data)) for name, data in sorted(files)]
     return scene_id(refs, path.name, None), scene_id(refs, path.name, None, floor="auto")
