@@ -33,7 +33,8 @@ def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> N
 
 
 LOOKS = """
-    const state = { value: { channel: "denoised", isPreview: true, isLast: false }, update(change) { this.value = change(this.value); } };
+    const value = { channel: "denoised", isPreview: true, isLast: false };
+    const state = { value, update: (change) => (state.value = change(state.value)) };
     const idle = { isPreviewDue: () => false, isLastDue: () => false, layer: {} };
     m.PictureSide.prototype.lookAgain.call({ ...idle, state, live: { isRendering: a } });
     return state.value.isLast;"""
