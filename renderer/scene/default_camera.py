@@ -1,4 +1,4 @@
-"""Default camera of scenes without one: frames the whole scene tightly, from a three-quarter angle."""
+"""Default camera of scenes without one: frames the whole scene with room around it, from a three-quarter angle."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from renderer.settings import Vec3, View
 __all__ = ["frame"]
 
 FOV = 35.0  # degrees, vertical: about a 55 mm lens on full frame, natural for objects
-ASPECT = 4 / 3  # wider pictures show more at the sides, squares stay nearly whole
-MARGIN = 1.06
+ASPECT = 3 / 2  # wider pictures show more at the sides, squares stay nearly whole
+MARGIN = 1.4  # the scene fills 5 of 7 of the height, or of the width at ASPECT
 SAMPLED = 50_000
 
 
 def frame(points: npt.NDArray[np.floating], up: Vec3 = (0.0, 1.0, 0.0)) -> View:
-    """Returns the view that frames (N, 3) points tightly, from slightly above and to the right of the front.
+    """Returns the view that frames (N, 3) points with room around them, from slightly above and to the right of the front.
 
     The front is +Z for Y up (glTF's convention) and -Y for Z up (Blender's and CAD's).
     """

@@ -11,7 +11,8 @@ from anyio.to_thread import run_sync
 from protocol.contract import VERSION_SEPARATOR, GuideScene
 from renderer.errors import SettingsError
 from renderer.frames import DENOISED_REACH, frame_key, frame_number
-from service.errors import FarmError
+from renderer.sentences import Sentence
+from service.errors import Conflict, FarmError
 from service.farm import Farm
 from service.jobs.describe_frames import frame_numbers
 from service.jobs.frame_scene import frame_scene
@@ -26,18 +27,24 @@ _ATTEMPTS = 2
 
 
 async def denoised_artifact(
-    job: Job, n: float, film: Film, farm: Farm, *, in_shot: bool = False, is_preview: bool = False
+    job: Job, n: float, film: Film, farm: Farm, *, in_shot: bool = False, is_preview: bool = False, waits: bool = True
 ) -> ArtifactResult:
     """Returns a denoised frame once a worker has made it. Occupies no thread meanwhile, since many clients may wait.
 
     in_shot: averages it with its finished neighbours along their motion vectors. It is denoised alone if it has none, or if the
-    vectors cannot be made. is_preview: the latest preview, unless the frame itself is stored already. Raises FarmError.
+    vectors cannot be made. is_preview: the latest preview, unless the frame itself is stored already. waits: for a
+    better preview that is due; otherwise raises Conflict if there is none. Raises FarmError.
     """
     key = frame_key(n)
     if is_preview:
         find_stored = partial(farm.engine.denoised, job.id, key, film)
         if (stored := await run_sync(find_stored)) is not None:
             return stored
+        if not waits:
+            existing = await run_sync(farm.engine.existing_preview, job.id, key)
+            if existing is None:
+                raise Conflict(Sentence("no-preview-yet", "wait: no denoised preview has been made yet; leave wait out."))
+            return replace(existing, is_preview=True)
         request = partial(farm.engine.denoise_preview, job.id, key, film, is_final=job.state in FINAL_STATES)
         preview = await asyncio.shield(asyncio.wrap_future(await run_sync(request)))
         if (stored := await run_sync(find_stored)) is None:

@@ -72,6 +72,7 @@ PREVIEW_HELP = (
     "stored already; the response then has X-Preview: true. While the job renders it is renewed when the samples have doubled, "
     "and for at most a twentieth of the workers' time"
 )
+WAIT_HELP = "false, with preview: the latest preview, also if a better one is due, or 409 if there is none"
 MIX_HELP = (
     "the colour as a weighted sum of the job's light groups: NAME:GAIN or NAME:RED/GREEN/BLUE, separated by commas, as "
     "key:0.5,fill:1/0.8/0.6; groups that are left out have the gain 1"
@@ -145,6 +146,7 @@ async def image(
     denoise: Annotated[bool, Query(description="denoised; the request waits for a worker")] = False,
     in_shot: Annotated[bool, Query(description=IN_SHOT_HELP)] = False,
     preview: Annotated[bool, Query(description=PREVIEW_HELP)] = False,
+    wait: Annotated[bool, Query(description=WAIT_HELP)] = True,
     exposure: Annotated[float, Query(ge=-32, le=32, allow_inf_nan=False, description="stops; not for exr, hdr and rgb9e5")] = 0.0,
     tonemap_curve: CurveName = "neutral",
     width: Annotated[int | None, Query(ge=16, description="a smaller copy, at least this wide")] = None,
@@ -177,7 +179,9 @@ async def image(
     film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
     asks_head = is_head(request)
     denoised = (
-        await denoised_artifact(job, n, film, farm, in_shot=in_shot, is_preview=is_preview) if denoise and not asks_head else None
+        await denoised_artifact(job, n, film, farm, in_shot=in_shot, is_preview=is_preview, waits=wait)
+        if denoise and not asks_head
+        else None
     )
     if denoised is not None:
         version, samples, is_preview = denoised.version, denoised.samples, denoised.is_preview

@@ -240,6 +240,10 @@ class Engine:
         request = DenoiseFrame("", job, frame, film.width, film.height, is_preview=True)
         return self._with_wake_up(self._artifact_tasks.previews.latest(request, film.samples(frame), is_final=is_final))
 
+    def existing_preview(self, job: str, frame: int) -> ArtifactResult | None:
+        """Returns the latest preview of a frame, also if another is due; None if there is none."""
+        return self._artifact_tasks.previews.existing(job, frame)
+
     def denoised(self, job: str, frame: int, film: Film) -> ArtifactResult | None:
         """Returns the denoised frame with all samples of its film if it is stored already."""
         return self._artifact_tasks.denoising.made_of(job, frame, film.version(frame))

@@ -43,6 +43,26 @@ def test_latest_scenes_are_shown_first_and_search_finds_all(page: Page) -> None:
 
 
 @pytest.mark.long
+def test_upload_has_a_card_until_it_ends(page: Page) -> None:
+    body = """
+        const grid = m.sceneGrid();
+        document.body.replaceChildren(grid.element);
+        const { arrive, arriving } = await import("/js/news/arriving.js");
+        const upload = arrive("truck.glb");
+        arriving.subscribe((uploads) => grid.put(a, uploads));
+        upload.fraction.set(0.25);
+        document.body.addEventListener("click", () => upload.end(), { once: true });"""
+    call(page, "views/scene-grid", body, [scene(1, "Bridge")])
+    cards = page.locator(".card")
+    expect(cards).to_have_count(2)
+    expect(cards.first).to_contain_text("truck.glb")
+    expect(cards.first.get_by_role("progressbar")).to_have_attribute("aria-valuenow", "25")
+    page.locator("body").click()
+    expect(cards).to_have_count(1)
+    expect(cards.first).to_contain_text("Bridge")
+
+
+@pytest.mark.long
 def test_few_scenes_have_no_search(page: Page) -> None:
     call(page, "views/scene-grid", SHOW, [scene(i, f"Take {i}") for i in range(5)])
     expect(page.locator(".card")).to_have_count(5)

@@ -25,22 +25,33 @@ def test_dark_film_is_detected_as_in_python(node: Node, scale: float) -> None:
         assert found == {"brightest": pytest.approx(wanted.brightest, rel=1e-3), "exposure": wanted.exposure}
 
 
+def lit(parts: dict[float, float]) -> list[int]:
+    """Returns the words of a grey picture of 10,000 pixels, of which each luminance fills a share."""
+    values = np.concatenate([np.full(round(10_000 * share), value) for value, share in parts.items()])
+    return [int(word) for word in rgbe9995.pack(np.repeat(values[:, None], 3, axis=1).astype(np.float32)[None]).ravel()]
+
+
 @pytest.mark.parametrize(
-    ("white", "bright", "mean", "stops"),
+    ("parts", "stops"),
     [
-        (2.0, 1.0, 0.3, 0),  # a lamp is seen, and the rest is well exposed
-        (1.0, 0.05, 0.01, 1.5),  # a lamp in a dark room: brighter, but not without limit
-        (0.5, 0.3, 0.02, 2.5),  # a low sun
-        (0.95, 0.6, 0.35, 0.75),  # sunlit surfaces are grey, under a small highlight
-        (0.0, 0.0, 0.0, 0),  # black: no exposure helps
-        (2**-10, 2**-10, 2**-11, 10),
+        ({2.0: 0.02, 0.7: 0.05, 0.2: 0.93}, 0.5),  # a lamp is seen, and the rest is nearly well exposed
+        ({50.0: 0.02, 0.5: 0.05, 0.055: 0.93}, 2),  # a lamp in a dim room clips, whatever its size
+        ({50.0: 0.08, 0.055: 0.92}, 2),
+        ({0.4: 0.3, 0.02: 0.7}, 1.25),  # a bright third stays below white
+        ({0.0: 0.6, 0.055: 0.4}, 2.5),  # what is black does not count
+        ({0.9: 0.2, 0.5: 0.8}, 0),  # a white product is not made grey
+        ({6.4: 0.2, 0.5: 0.8}, -3),
+        ({0.0: 1.0}, 0),  # black: no exposure helps
+        ({2**-10: 1.0}, 8.25),
     ],
 )
-def test_automatic_exposure_brightens_dark_and_dull_pictures(
-    node: Node, white: float, bright: float, mean: float, stops: float
-) -> None:
-    found = node.call("film/darkness", "return m.autoExposure(a);", {"white": white, "bright": bright, "mean": mean})
-    assert found == stops
+def test_automatic_exposure_follows_what_is_lit(node: Node, parts: dict[float, float], stops: float) -> None:
+    body = """
+        const { Film } = await read("/js/film/film.js");
+        const film = new Film(10000, 1, new Uint32Array(a));
+        film.samples.fill(1);
+        return m.autoExposure(film.brightness());"""
+    assert node.call("film/darkness", body, lit(parts)) == pytest.approx(stops)
 
 
 def test_transparent_background_does_not_darken_a_picture(node: Node) -> None:
@@ -52,5 +63,5 @@ def test_transparent_background_does_not_darken_a_picture(node: Node) -> None:
         film.coverage = new Uint8Array(4000).fill(255, 2000);
         return film.brightness();"""
     assert node.call("film/film", body, words.ravel().tolist()) == pytest.approx(
-        {"white": 0.5, "bright": 0.5, "mean": 0.5}, rel=1e-3
+        {"white": 0.5, "bright": 0.5, "high": 0.5, "key": 0.5}, rel=1e-3
     )

@@ -43,7 +43,7 @@ def test_orbiting_keeps_target_and_distance(node: Node) -> None:
     ],
 )
 def test_side_views_frame_scene(node: Node, up: list[int], side: str, towards: list[int]) -> None:
-    """A side's camera stands on that side, and shows all of the scene's bounds tightly in a picture of 4:3."""
+    """A side's camera stands on that side, and shows all of the scene's bounds, on about two thirds of a picture of 3:2."""
     low, high = np.array([1.0, -2.0, 0.5]), np.array([2.0, 1.0, 5.0])
     view = node.call(
         "forms/side-views", "return m.sideView(a.side, a.bounds, a.up);", {"side": side, "bounds": [[*low], [*high]], "up": up}
@@ -54,9 +54,9 @@ def test_side_views_frame_scene(node: Node, up: list[int], side: str, towards: l
     right = np.cross(forward, up) / np.linalg.norm(np.cross(forward, up))
     corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]) - eye
     half = math.tan(math.radians(view["fov"] / 2))
-    across = np.abs(corners @ right) / (corners @ forward) / half / (4 / 3)
+    across = np.abs(corners @ right) / (corners @ forward) / half / (3 / 2)
     upward = np.abs(corners @ np.cross(right, forward)) / (corners @ forward) / half
-    assert 0.9 < max(across.max(), upward.max()) < 1
+    assert 0.6 < max(across.max(), upward.max()) < 0.75
 
 
 @pytest.mark.parametrize(("room", "left"), [(10_000, 8), (350, 3)])

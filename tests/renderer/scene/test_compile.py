@@ -340,7 +340,7 @@ def test_file_camera_may_be_named_auto():
 
 
 @pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1)])
-def test_auto_camera_frames_all_points_tightly(up):
+def test_auto_camera_fills_two_thirds_with_all_points(up):
     points = np.random.default_rng(9).normal(size=(500, 3)) * [5, 1, 2]
     view = frame(points, up)
     eye, target = np.array(view.eye), np.array(view.target)
@@ -353,4 +353,4 @@ def test_auto_camera_frames_all_points_tightly(up):
     x = np.abs((points - eye) @ right) / (depth * slope * ASPECT)
     y = np.abs((points - eye) @ above) / (depth * slope)
     assert depth.min() > 0
-    assert 0.9 < max(x.max(), y.max()) < 1
+    assert 0.6 < max(x.max(), y.max()) < 0.75

@@ -104,10 +104,10 @@ export class FilmView {
     return layer.image ? null : layer.film;
   }
 
-  /** Sets the image shown until the film has samples. @param {string | null} url of an image; null: black */
-  setPoster(url) {
+  /** Sets the image shown until the film has samples. @param {string | null} url of an image; null: black @param {string} [sharp] of a denoised one in full resolution; "": none */
+  setPoster(url, sharp) {
     this.poster?.element.remove();
-    this.poster = new Poster(url);
+    this.poster = new Poster(url, sharp);
     this.element.prepend(this.poster.element);
     this.placePoster();
   }

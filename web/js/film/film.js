@@ -4,10 +4,12 @@ import { decode } from "./rgb9e5.js";
 
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
 
-/** Approximate number of pixels whose brightness is looked at: enough for a percentile, and fast at 8k. */
-const BRIGHTNESS_PIXELS = 100_000;
-/** The brightest 0.5 % (lamps, fireflies) may clip. The brightest 3 % are lit surfaces where there is sun. */
-const [WHITE_QUANTILE, BRIGHT_QUANTILE] = [0.995, 0.97];
+/** Approximate number of pixels whose brightness is looked at: enough for a percentile, and a few milliseconds. */
+const BRIGHTNESS_PIXELS = 25_000;
+/** The brightest 0.5 % (lamps, fireflies) may clip. The brightest 3 % are lit surfaces where there is sun, the brightest tenth a window or a sky. */
+const [WHITE_QUANTILE, BRIGHT_QUANTILE, HIGH_QUANTILE] = [0.995, 0.97, 0.9];
+/** Luminance, as a fraction of the HIGH_QUANTILE, below which a pixel is background or deep shadow and does not count in the key. */
+const SHADOW = 2 ** -8;
 
 export class Film {
   /**
@@ -123,25 +125,29 @@ export class Film {
   }
 
   /**
-   * Returns the radiances that all but the brightest 0.5 % and 3 % of the pixels stay below (WHITE_QUANTILE, BRIGHT_QUANTILE), and the
-   * mean luminance, no pixel counted above the first; all are 0 while the film is black. A transparent background does not count.
+   * Returns the radiances that all but the brightest 0.5 %, 3 % and 10 % of the pixels stay below (WHITE_QUANTILE, BRIGHT_QUANTILE,
+   * HIGH_QUANTILE), and the key: the log-average luminance (Reinhard et al. 2002, equation 1) with luminances clipped at the HIGH_QUANTILE,
+   * so that lamps do not raise it, and without SHADOW. All are 0 while the film is black. A transparent background does not count.
    *
-   * @returns {{white: number, bright: number, mean: number}}
+   * @returns {{white: number, bright: number, high: number, key: number}}
    */
   brightness() {
     const stride = Math.max(1, Math.floor(this.words.length / BRIGHTNESS_PIXELS));
-    /** @type {number[]} */
-    const peaks = [];
-    const luminances = [];
+    const most = Math.ceil(this.words.length / stride);
+    const [allPeaks, allLuminances] = [new Float32Array(most), new Float32Array(most)];
+    let n = 0;
     for (let i = 0; i < this.words.length; i += stride) {
       if (!this.samples[i] || this.coverage?.[i] === 0) continue;
       const [r, g, b] = decode(this.words[i] ?? 0);
-      peaks.push(Math.max(r, g, b));
-      luminances.push(0.2126 * r + 0.7152 * g + 0.0722 * b);
+      allPeaks[n] = Math.max(r, g, b);
+      allLuminances[n++] = 0.2126 * r + 0.7152 * g + 0.0722 * b;
     }
-    peaks.sort((a, b) => a - b);
-    const [white = 0, bright = 0] = [WHITE_QUANTILE, BRIGHT_QUANTILE].map((part) => peaks[Math.floor((peaks.length - 1) * part)]);
-    return { white, bright, mean: luminances.reduce((sum, each) => sum + Math.min(each, white), 0) / Math.max(luminances.length, 1) };
+    const [peaks, luminances] = [allPeaks.subarray(0, n).sort(), allLuminances.subarray(0, n).sort()];
+    const [white, bright, high] = [WHITE_QUANTILE, BRIGHT_QUANTILE, HIGH_QUANTILE].map((part) => quantile(peaks, part));
+    const top = quantile(luminances, HIGH_QUANTILE);
+    const lit = luminances.filter((each) => each > SHADOW * top).map((each) => Math.log(Math.min(each, top)));
+    const key = top > 0 ? Math.exp(lit.reduce((sum, each) => sum + each, 0) / lit.length) : 0;
+    return { white: white ?? 0, bright: bright ?? 0, high: high ?? 0, key };
   }
 
   /**
@@ -154,3 +160,6 @@ export class Film {
     return white > 0 ? -Math.log2(white) : null;
   }
 }
+
+/** @param {Float32Array} sorted @param {number} part */
+const quantile = (sorted, part) => sorted[Math.floor((sorted.length - 1) * part)] ?? 0;

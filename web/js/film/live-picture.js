@@ -54,7 +54,10 @@ export function livePicture(job, display, life, changed, frame) {
     }
   };
 
-  stage.view?.setPoster(live.clean || posterOf(job, live.frame, display.value));
+  const poster = posterOf(job, live.frame, display.value);
+  const isClean = job.denoise || display.value.denoise !== "off"; // without a preview the small one stays
+  const isSmall = (job.width ?? 0) <= POSTER_WIDTH;
+  stage.view?.setPoster(live.clean || (poster?.near ?? null), isClean && !live.clean && !isSmall ? poster?.clean : "");
   void Promise.race([stage.view?.poster?.loaded, new Promise((resolve) => setTimeout(resolve, POSTER_MS))]).then(isPosterHere);
 
   let latest = job;
@@ -105,14 +108,21 @@ export function livePicture(job, display, life, changed, frame) {
 /** Time, in milliseconds, that the film waits for the poster at most. */
 const POSTER_MS = 1000;
 /** As in the list of jobs, so the browser may have it cached. */
-const POSTER = { width: 320, visible: "true" };
+const POSTER_WIDTH = 320;
 
-/** @param {Job} job @param {number} frame @param {{exposure: number, curve: string, channel: string}} look */
+/**
+ * Returns the URLs of a job's picture until its film is here: a small copy, and its latest denoised preview in full resolution.
+ *
+ * @param {Job} job
+ * @param {number} frame
+ * @param {{exposure: number, curve: string, channel: string}} look
+ */
 function posterOf(job, frame, { exposure, curve, channel }) {
   const { id, samples } = job;
   if (!samples || channel) return null;
   const usual = exposure === 0 && curve === DEFAULT_CURVE;
   /** @type {Record<string, string | number>} */
-  const query = usual ? { ...POSTER, v: samples } : { width: POSTER.width, v: samples, exposure, tonemap: curve };
-  return imageUrl({ job: id, frame }, thumbnailFormat(job), query);
+  const look = usual ? { visible: "true", v: samples } : { v: samples, exposure, tonemap: curve };
+  const url = (/** @type {Record<string, string | number>} */ query) => imageUrl({ job: id, frame }, thumbnailFormat(job), { ...query, ...look });
+  return { near: url({ width: POSTER_WIDTH }), clean: url({ denoise: "true", preview: "true", wait: "false" }) };
 }

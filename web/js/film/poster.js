@@ -1,6 +1,7 @@
 /**
- * A placeholder for a film that is being loaded: a small JPEG, usually cached from a list of pictures, and a word until that is here.
- * It is under the canvas, and is removed once the canvas has something to draw.
+ * A placeholder for a film that is being loaded: a small JPEG, usually cached from a list of pictures, and a word until that is here;
+ * over it the denoised picture in full resolution, as soon as that has come. It is under the canvas, and is removed once the canvas has
+ * something to draw.
  */
 
 import { h } from "../base/dom.js";
@@ -10,8 +11,8 @@ import { t } from "../base/words.js";
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 
 export class Poster {
-  /** @param {string | null} url null: the place stays black */
-  constructor(url) {
+  /** @param {string | null} url null: the place stays black @param {string} [sharp] URL of a denoised picture in full resolution; "": none */
+  constructor(url, sharp = "") {
     this.element = h("div", { class: "poster", "aria-hidden": "true" });
     /** Resolves when the image is shown, or cannot be. @type {Promise<void>} */
     this.loaded = Promise.resolve();
@@ -20,8 +21,20 @@ export class Poster {
     const word = h("p", { class: "small quiet" }, t("Loading the picture …"));
     this.element.classList.add("loading");
     this.element.append(image, word);
+    const place = this.element.style;
+    const fillEdges = () => (place.backgroundImage = `url("${url}")`); // under the image, whose edges are transparent where it is blurred
+    if (!url.includes("/image.png")) image.addEventListener("load", fillEdges, { once: true });
+    if (sharp) this.sharpen(sharp);
     const loaded = () => (word.remove(), this.element.classList.remove("loading"));
     this.loaded = showImage(image, url).then(loaded, () => (loaded(), image.remove())); // a picture without samples; the stage shows the reason
+  }
+
+  /** Shows the picture in full resolution once it is here. @param {string} url */
+  sharpen(url) {
+    const image = h("img", { class: "sharp", alt: "", hidden: true });
+    this.element.append(image);
+    const shown = () => image.decode().then(() => (image.hidden = false));
+    showImage(image, url).then(shown).catch(() => image.remove()); // the small one stays
   }
 
   /** @param {Viewport} viewport @param {HTMLCanvasElement} canvas in front of the poster */

@@ -41,6 +41,8 @@ const SKY = { id: "sky", label: t("Clear sky"), help: t("A clear day, with the s
 const NOON = "noon";
 /** The lights of the first row. */
 const FIRST = ["own", "studio", "overcast", "sky"];
+/** Presets of the first row until the service has listed its environments, so that the row does not change. @type {Environment[]} */
+const EXPECTED = ["Studio", "Overcast"].map((name) => ({ id: name.toLowerCase(), name, help: "", kind: /** @type {const} */ ("preset"), environment: { preset: name.toLowerCase() }, thumbnail: "" }));
 /** Event that asks the live view to place the sun by a click. */
 export const PLACE_SUN = "place-sun";
 
@@ -132,7 +134,7 @@ export function environmentFields(first, isLightless) {
     return environments.value?.find((each) => each.id === id)?.environment;
   }
   const lights = () => {
-    const known = environments.value ?? [];
+    const known = environments.value ?? EXPECTED;
     /** @param {Environment} light @returns {Light} */
     const shownAs = ({ id, name, help, thumbnail }) => ({ id, label: name, help, picture: thumbnail.replace(/^\//, "") });
     const presets = known.filter((each) => each.kind === "preset").map((each) => ({ ...each, name: t(each.name), help: t(each.help) }));

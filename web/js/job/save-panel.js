@@ -20,7 +20,7 @@ const FORMATS = /** @type {const} */ ([
  * @param {DisplayStore} display
  * @param {() => import("../news/api.js").Place} place which of its pictures
  * @param {boolean} hasDeep whether it has deep samples
- * @returns {{element: HTMLElement, offerDenoised: (can: boolean) => void, preferDenoised: () => void}}
+ * @returns {{element: HTMLElement, offerDenoised: (can: boolean) => void, preferDenoised: () => void, actions: import("../shell/shortcuts.js").Shortcut[]}} actions: for the command palette
  */
 export function savePanel(display, place, hasDeep) {
   const clean = h("input", { type: "checkbox", role: "switch", checked: display.value.denoise !== "off", onchange: () => show() });
@@ -62,6 +62,7 @@ export function savePanel(display, place, hasDeep) {
       clean.checked = true;
       show();
     },
+    actions: links.map(({ format, element }) => ({ keys: "", does: t("Save {format}", { format: format.toUpperCase() }), run: () => element.click() })),
   };
 }
 

@@ -49,8 +49,8 @@ const STEPS = 65535;
 
 /** The service's automatic camera (renderer/scene/default_camera.py). */
 const FOV = 35;
-const MARGIN = 1.06;
-const ASPECT = 4 / 3;
+const MARGIN = 1.4;
+const ASPECT = 3 / 2;
 const SAMPLED = 50_000; // vertices
 
 /** Returns a shape with about a share of its triangles. @param {Shape} given @param {number} share @returns {Shape} */
@@ -238,7 +238,7 @@ const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a
 const unit = (vector) => /** @type {Vec3} */ (vector.map((value) => value / Math.hypot(...vector)));
 
 /**
- * Returns the view that frames points tightly: by default as the service's automatic camera does.
+ * Returns the view that frames points with room around them: by default as the service's automatic camera does.
  *
  * @param {Float64Array} places
  * @param {Vec3} [towards] direction from the scene to the camera, of any length, not along `up`

@@ -18,11 +18,12 @@ import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
 import { clarity, clarityField } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
-import { MeshCanvas } from "./mesh-canvas.js";
+import { takeMesh } from "./mesh-relay.js";
 import { people } from "./people.js";
 import { denoiseView } from "./denoise-view.js";
 import { alongSight, lookAt } from "./orbit.js";
 import { examplePictures } from "../news/example-pictures.js";
+import { localMeshOf } from "../news/local-mesh.js";
 import { hasMesh, meshOf } from "./preview-mesh.js";
 import { LIVE } from "./sides.js";
 import { startOfTake } from "./form-start.js";
@@ -51,8 +52,8 @@ const [TAKE_SIDE, CLEAR_SIDE] = [320, 1280];
 const [DARKNESS_MS, DULL_STOPS] = [500, 2];
 /** Samples per pixel after which a view that is never denoised replaces a finished picture; and the preview mesh. */
 const [CLEAN_SPP, MESH_SPP] = [8, 1];
-/** Time, in milliseconds, that a view of MESH_SPP samples is awaited denoised, and samples per pixel that end the wait: noise must not follow a clean picture. */
-const [DENOISED_MS, DENOISED_SPP] = [15_000, 64];
+/** Time, in milliseconds, that a view of MESH_SPP samples is awaited denoised, less where what is shown has another light, and samples per pixel that end the wait: noise must not follow a clean picture. */
+const [DENOISED_MS, RELIT_MS, DENOISED_SPP] = [15_000, 2000, 64];
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
 const COVERED_MS = 500;
 /** Part of the view's width that a denoised picture must have to replace the preview mesh; the number of requests whose cameras are remembered. */
@@ -86,7 +87,10 @@ const HAND_KEYS = [
 export function liveView(scene, form, meanwhile, turned, sides, names) {
   const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
   const over = h("canvas", { hidden: true });
-  const meshed = h("canvas", { class: "mesh", "aria-hidden": "true", hidden: true });
+  const mesh = takeMesh(scene.id);
+  const meshed = mesh.canvas;
+  meshed.ariaHidden = "true";
+  meshed.hidden = true;
   const surface = h(
     "div",
     {
@@ -102,7 +106,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   );
   const state = h("p", { class: "small quiet number view-state", role: "status", "aria-live": "off" });
   const said = h("p", { class: "small quiet view-hint" });
-  const exposure = h("input", { type: "range", min: -16, max: 16, step: 0.25, value: "0", "aria-label": t("Exposure in stops") });
+  const exposure = h("input", { class: "centred", type: "range", step: 0.25, "aria-label": t("Exposure in stops") });
+  showExposure(exposure, 0);
   const curve = h(
     "select",
     { "aria-label": t("Tone curve") },
@@ -125,6 +130,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     picture = new FilmCanvas(canvas, over, viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
+    mesh.dispose();
     return { element: h("p", { class: "notice" }, error.message), takes: null, refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), firstLook: () => ({ film: new Film(1, 1), isSame: false, clean: "" }) };
   }
   /** The fields of the form's request that a view reads. */
@@ -138,24 +144,26 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   // A previous picture of the scene, or its preview mesh, until the first samples arrive.
   const known = clearView(scene.id, JSON.stringify(viewRequest()));
   if (known) meanwhile = { url: known, nearest: "", isFinished: true, isSame: true };
-  const mesh = new MeshCanvas(meshed);
   mesh.setScene(scene);
   let isSampled = false;
   const showMesh = () => {
     if (isSampled || !scene.preview) return;
-    meshOf(scene.id).then(
-      (packet) => {
-        if (isSampled || mesh.mesh) return;
-        mesh.setMesh(packet);
-        mesh.setView(form.view());
-        meshed.hidden = false;
-        surface.style.backgroundImage = "";
-        canvas.classList.add("held-back"); // the first samples are coarser than the mesh
-      },
-      () => {}, // the samples come without it
-    );
+    /** @param {import("../news/mesh-packet.js").MeshPacket} packet */
+    const show = (packet) => {
+      if (isSampled || isDisposed || mesh.mesh === packet) return;
+      mesh.setMesh(packet);
+      mesh.setView(form.view());
+      meshed.hidden = false;
+      surface.style.backgroundImage = "";
+      canvas.classList.add("held-back"); // the first samples are coarser than the mesh
+    };
+    // What was drawn while the scene was prepared is here at once.
+    void localMeshOf(scene.id).then((local) => local && !mesh.mesh && show(local.packet));
+    meshOf(scene.id).then(show, () => {}); // the samples come without it
   };
-  const hasMeshFirst = !meanwhile.url || (!known && hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
+  // A thumbnail is coarse at the view's size: the mesh replaces it.
+  const hasMeshFirst = !meanwhile.url || (!meanwhile.isFinished && scene.preview) || (!known && hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
+  let isDisposed = false;
   if (hasMeshFirst) showMesh();
   canvas.classList.toggle("held-back", !hasMeshFirst && (meanwhile.isFinished || (meanwhile.isSame && denoise.request().denoise)));
   const release = () => {
@@ -167,6 +175,15 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const below = [meanwhile.url, meanwhile.nearest].filter(Boolean).map((url) => `url("${url}")`);
   if (hasAlpha) below.push("var(--squares-image)");
   surface.style.backgroundImage = below.join(", ");
+  /** Shows the mesh that was drawn while the scene was prepared. */
+  const showPassedMesh = () => {
+    if (isSampled || !mesh.mesh) return;
+    mesh.setView(form.view());
+    meshed.hidden = false;
+    surface.style.backgroundImage = "";
+    canvas.classList.add("held-back"); // the first samples are coarser than the mesh
+  };
+  if (hasMeshFirst) showPassedMesh();
   /** Removes what is shown until samples come, once they cover it. */
   const uncover = () => {
     uncovering = undefined;
@@ -182,7 +199,6 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (mesh.mesh || !scene.preview || isDisposed) return;
     meshOf(scene.id).then((packet) => isDisposed || mesh.mesh || mesh.setMesh(packet), () => {});
   };
-  let isDisposed = false;
   let isCovered = true;
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let uncovering;
@@ -192,6 +208,15 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const views = new Map();
   /** Camera of the request that is sent next. */
   let askedView = form.view();
+  /** Lights of the latest requests, by their ids. @type {Map<number, string>} */
+  const lights = new Map();
+  /** Light of the request that is sent next, and of the kept picture. */
+  let [askedLight, keptLight] = ["", ""];
+  /** Shows the canvas's picture, projected for the camera, until another is clear. @param {View} view its camera */
+  const keep = (view) => {
+    mesh.keep(canvas, view);
+    keptLight = lights.get(Number(surface.dataset.view)) ?? askedLight;
+  };
   /** Keeps a denoised picture on the page after a change, projected for the new camera, until the new one is denoised. */
   const hold = () => {
     const view = views.get(Number(surface.dataset.view));
@@ -203,7 +228,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     meshed.hidden = false;
     mesh.setView(form.view());
     picture.draw(); // WebGL keeps its picture only until the next frame
-    mesh.keep(canvas, view);
+    keep(view);
     canvas.classList.add("held-back");
   };
   /**
@@ -218,7 +243,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (!view || !isHeld || !canKeep(view, form.view())) return;
     if (mesh.distance === 0 ? JSON.stringify(view) !== JSON.stringify(form.view()) : mesh.distance < POOR) return;
     picture.draw();
-    mesh.keep(canvas, view);
+    keep(view);
   };
   /** Whether the denoised picture is good enough to replace what is shown: a small one only where the kept one is of the same camera, or shows little of the view. */
   const isFineEnough = () => film.film.width >= FINE_SHARE * asked.width || (mesh.kept !== null && !meshed.hidden && [0, 1].includes(mesh.distance));
@@ -243,7 +268,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   /** The light that the exposure is for, without its strength: that is the user's own way to make it brighter. */
   let exposedLight = "";
   /** Brightness of the latest picture that was looked at. */
-  let brightness = { white: 0, bright: 0, mean: 0 };
+  let brightness = { white: 0, bright: 0, high: 0, key: 0 };
   /** @param {number} id of the picture */
   const lookForDarkness = (id) => {
     brightness = film.film.brightness();
@@ -263,7 +288,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
   /** @param {number} stops */
   const setExposure = (stops) => {
-    exposure.value = String(stops);
+    showExposure(exposure, stops);
     relook();
   };
   /** @param {number} stops chosen by the user */
@@ -283,6 +308,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     }
     exposedLight = text;
   };
+  /** Whether the kept picture shows another light than the latest request. */
+  const isRelit = () => mesh.kept !== null && keptLight !== askedLight;
   /** @param {boolean} is whether the picture on the page is denoised */
   const setDenoised = (is) => {
     surface.dataset.denoised = String(is);
@@ -299,7 +326,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const link = new ViewLink(scene.id, {
     asked(id) {
       views.set(id, askedView);
-      views.delete(id - MOST_VIEWS);
+      lights.set(id, askedLight);
+      for (const each of [views, lights]) each.delete(id - MOST_VIEWS);
     },
     picture(next) {
       film.take(next);
@@ -310,6 +338,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       }
       if (surface.dataset.view !== String(next.id)) setDenoised(false); // until the state says so
       surface.dataset.view = String(next.id);
+      canvas.classList.toggle("outdated", isOutdated());
       if (!isSampled) {
         isSampled = true;
         loadMesh();
@@ -326,7 +355,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       sampledAt = mean < MESH_SPP ? 0 : sampledAt || performance.now(); // another view begins anew
       if (sampledAt) sampledView = next.id;
       if (done && exposedBy === "light") lookForDarkness(Number(surface.dataset.view)); // no further picture comes
-      const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
+      const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > (isRelit() ? RELIT_MS : DENOISED_MS));
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
       // The preview mesh is sharp: what replaces it must be as fine, and not smeared by denoising few samples.
       const isMeshTrue = mesh.kept === null && !meshed.hidden && !isChanged;
@@ -365,12 +394,18 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     viewport.show(1, width / 2, height / 2);
   };
 
+  /** Whether the view's picture is of another projection, which nothing turns into the present one. */
+  const isOutdated = () => {
+    const view = views.get(Number(surface.dataset.view));
+    return view !== undefined && projectionOf(view) !== projectionOf(form.view());
+  };
+
   /** The first request. @type {string | undefined} */
   let firstAsked;
   /** The first request without its camera, and whether a later one differs in more than that: the preview mesh shows only the first. @type {string | undefined} */
   let firstShown;
   let isChanged = false;
-  /** The latest request, and its size on the page. @type {{text: string, width: number, height: number} | undefined} */
+  /** The latest request as the form and as the service have it, and its size on the page. @type {{text: string, sent: string, width: number, height: number} | undefined} */
   let lastAsked;
   /** Width of the view in CSS pixels. */
   let wide = 0;
@@ -384,11 +419,17 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     isChanged ||= seen !== (firstShown ??= seen);
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
-    if (lastAsked && text !== lastAsked.text && Math.abs(width * lastAsked.height - height * lastAsked.width) <= width + height) hold();
-    lastAsked = { text, width, height };
-    asked = { width, height };
-    askedView = form.view();
-    link.show({ ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true });
+    const wanted = { ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true };
+    const sent = JSON.stringify(wanted);
+    if (sent !== lastAsked?.sent) {
+      if (lastAsked && text !== lastAsked.text && Math.abs(width * lastAsked.height - height * lastAsked.width) <= width + height) hold();
+      lastAsked = { text, sent, width, height };
+      asked = { width, height };
+      askedView = form.view();
+      askedLight = JSON.stringify(request["environment"] ?? null);
+      link.show(wanted);
+      canvas.classList.toggle("outdated", isOutdated());
+    }
     if (isCovered) mesh.setView(form.view());
     others.changed();
     saved.changed();
@@ -403,7 +444,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   /** @param {View} view */
   const turnTo = (view) => {
     form.turn(view);
-    showMesh(); // a previous picture is of another view
+    showPassedMesh(); // a previous picture is of another view
+    showMesh();
     refresh();
     turned(view);
   };
@@ -563,9 +605,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   look.subscribe((now) => {
     picture.look = now;
     setText(shown, `${stops(now.exposure)} EV`);
+    exposure.setAttribute("aria-valuetext", `${stops(now.exposure)} EV`);
     picture.invalidate();
   });
   exposure.addEventListener("input", () => expose(exposure.valueAsNumber));
+  exposure.addEventListener("change", () => showExposure(exposure, exposure.valueAsNumber)); // at its end, the range grows
   exposure.addEventListener("dblclick", () => expose(0));
   curve.addEventListener("change", relook);
 
@@ -618,9 +662,24 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
 }
 
+/** Stops at the ends of the exposure's slider, unless it is set beyond, and at most. */
+const [USUAL_STOPS, MOST_STOPS] = [6, 16];
+
+/** Sets the exposure's slider, whose range grows with the value. @param {HTMLInputElement} slider @param {number} value in stops */
+function showExposure(slider, value) {
+  const end = Math.abs(value) < USUAL_STOPS ? USUAL_STOPS : Math.min(2 * Math.ceil(Math.abs(value)), MOST_STOPS);
+  slider.min = String(-end);
+  slider.max = String(end);
+  slider.value = String(value);
+  slider.title = t("Exposure from {low} to {high} EV; double-click for 0", { low: stops(-end), high: stops(end) });
+}
+
+/** @param {View} view */
+const projectionOf = ({ projection }) => projection ?? "perspective";
+
 /** Whether a picture of one camera can be shown for another. @param {View} from @param {View} to */
 const canKeep = (from, to) =>
-  JSON.stringify(from) === JSON.stringify(to) || ((from.projection ?? "perspective") === (to.projection ?? "perspective") && from.projection !== "panorama");
+  JSON.stringify(from) === JSON.stringify(to) || (projectionOf(from) === projectionOf(to) && from.projection !== "panorama");
 
 /** Returns what a view shows as a small picture in base64. @param {FilmCanvas} picture @param {HTMLCanvasElement} canvas of the picture */
 function smallPicture(picture, canvas) {
@@ -647,7 +706,7 @@ function pictureUrl(picture, canvas, side) {
 /**
  * Returns a preview mesh before its background as the URL of a JPEG.
  *
- * @param {MeshCanvas} mesh
+ * @param {import("./mesh-canvas.js").MeshCanvas} mesh
  * @param {HTMLCanvasElement} canvas of the mesh
  */
 function meshPicture(mesh, canvas) {

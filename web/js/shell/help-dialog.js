@@ -45,7 +45,7 @@ export function showHelp() {
         "dl",
         { class: "keys" },
         shortcuts()
-          .filter(({ shown }) => shown !== null)
+          .filter(({ keys, shown }) => keys && shown !== null)
           .map(({ keys, shown, does }) =>
             h(
               "div",

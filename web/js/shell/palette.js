@@ -10,7 +10,7 @@ import { session } from "../news/session.js";
 import { shortcuts } from "./shortcuts.js";
 import { THEMES, chooseTheme } from "./theme-button.js";
 import { announce } from "./tray.js";
-import { t, tn } from "../base/words.js";
+import { LANGUAGES, language, speak, t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/icons.js").IconName} IconName */
 /** @typedef {{group: string, symbol: IconName, label: string, note?: string, run: () => void}} Command */
@@ -54,11 +54,13 @@ function pages(nav) {
   ];
 }
 
-/** @returns {Command[]} what the current view's keys do, and the themes */
+/** @returns {Command[]} what the current view's keys do, the themes, and the other languages */
 function actions() {
   const listed = shortcuts().filter(({ keys, shown }) => shown !== null && keys !== PALETTE_KEYS && keys !== "?");
   const themes = THEMES.map(([name, symbol, label]) => ({ group: ACTIONS, symbol, label, run: () => chooseTheme(name) }));
-  return [...listed.map(({ keys, shown, does, run }) => ({ group: ACTIONS, symbol: /** @type {IconName} */ ("play"), label: does, note: shown ?? keys, run })), ...themes];
+  const others = LANGUAGES.filter(([name]) => name !== language);
+  const languages = others.map(([name, own]) => ({ group: ACTIONS, symbol: /** @type {IconName} */ ("globe"), label: own, note: t("Language"), run: () => speak(name) }));
+  return [...listed.map(({ keys, shown, does, run }) => ({ group: ACTIONS, symbol: /** @type {IconName} */ ("play"), label: does, note: shown ?? keys, run })), ...themes, ...languages];
 }
 
 /** Unites known items with those that the service has found. @template {{id: string}} T @param {T[] | null} known @param {T[]} found */

@@ -2,7 +2,7 @@
 
 /**
  * @typedef {object} Shortcut
- * @property {string} keys "E", "Shift+E", "Enter"
+ * @property {string} keys "E", "Shift+E", "Enter"; "": none, the command palette alone has it
  * @property {string} does
  * @property {string | null} [shown] in the help instead of the keys; null leaves it out
  * @property {() => void} run

@@ -8,6 +8,7 @@ import { bytes, clock } from "../base/format.js";
 import { notUploadedTitle, titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { areImages, hasLight, offerLight } from "./light-drop.js";
+import { arrive } from "../news/arriving.js";
 import { addEnvironment } from "../news/environments.js";
 import { said } from "../base/said.js";
 import { pick } from "./pick-files.js";
@@ -22,6 +23,7 @@ import { t } from "../base/words.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
 /** @typedef {import("../base/types.js").Scene} Scene */
+/** @typedef {import("../news/arriving.js").Arriving} Arriving */
 
 /** Delay without an answer after which a waiting notice is shown. */
 const ANSWER_MS = 300;
@@ -51,6 +53,21 @@ export async function start(files) {
     if (!offerLight(sent)) explainImages(sent);
     return;
   }
+  const arrival = arrive(titleOf(files));
+  try {
+    await sendScenes(files, arrival);
+  } finally {
+    arrival.end();
+  }
+}
+
+/**
+ * Uploads each scene among the files, and opens its page if it is the only one.
+ *
+ * @param {NamedFile[]} files
+ * @param {Arriving} arrival
+ */
+async function sendScenes(files, arrival) {
   const { formats, foreign, foreign_codes: codes } = await withProgressCard(titleOf(files), getInfo());
   const paths = files.map(({ path }) => path.toLowerCase());
   if (!paths.some((path) => formats.some((suffix) => path.endsWith(suffix)))) {
@@ -64,13 +81,13 @@ export async function start(files) {
   const mains = paths.some((path) => path.endsWith(".zip")) ? [] : rivals(files, formats);
   if (mains.length < 2) {
     const from = here().path.join();
-    show(await send(files), from);
+    show(await send(files, {}, arrival), from);
     return;
   }
   const chosen = await whichScene(mains);
   for (const main of chosen) {
     const from = here().path.join();
-    const scene = await send(filesFor(files, main), { main });
+    const scene = await send(filesFor(files, main), { main }, arrival);
     if (chosen.length === 1) show(scene, from);
   }
 }
@@ -157,11 +174,12 @@ export async function showOther(base, main) {
 /**
  * @param {NamedFile[]} files
  * @param {Record<string, string>} [fields] of the form, beside the files
+ * @param {Arriving} [arrival] that shows its progress
  * @returns {Promise<Scene | null>} null where it was called off, or refused, which is said then
  */
-async function send(files, fields = {}) {
+async function send(files, fields = {}, arrival) {
   for (;;) {
-    const outcome = await sendOnce(files, fields);
+    const outcome = await sendOnce(files, fields, arrival);
     if (outcome !== AGAIN) return outcome;
   }
 }
@@ -169,8 +187,8 @@ async function send(files, fields = {}) {
 /** Result of an interrupted attempt that is to be repeated. */
 const AGAIN = Symbol("again");
 
-/** @param {NamedFile[]} files @param {Record<string, string>} fields @returns {Promise<Scene | null | typeof AGAIN>} */
-async function sendOnce(files, fields) {
+/** @param {NamedFile[]} files @param {Record<string, string>} fields @param {Arriving} [arrival] @returns {Promise<Scene | null | typeof AGAIN>} */
+async function sendOnce(files, fields, arrival) {
   const title = titleOf(files);
   const total = files.reduce((sum, { file }) => sum + file.size, 0);
   const card = new Card(title);
@@ -195,6 +213,7 @@ async function sendOnce(files, fields) {
   /** @param {number} fraction */
   const show = (fraction) => {
     bar.style.transform = `scaleX(${fraction})`;
+    arrival?.fraction.set(fraction);
     track.setAttribute("aria-valuenow", String(Math.round(fraction * 100)));
   };
   show(0);

@@ -4,6 +4,7 @@ import { getExamples, openExample } from "../news/api.js";
 import { getComparisons, openComparison } from "../compare/comparisons.js";
 import { fill, h, keyedList } from "../base/dom.js";
 import { examplePictures } from "../news/example-pictures.js";
+import { arriving } from "../news/arriving.js";
 import { adoptScene, hidden, jobs, scenes, workers } from "../news/farm.js";
 import { choose } from "../shell/drops.js";
 import { FIRST_STEPS } from "../shell/help-dialog.js";
@@ -68,21 +69,32 @@ export function homeView() {
     const seenJobs = (jobs.value ?? [])
       .filter((job) => !hidden.value.has(job.id))
       .slice(0, RECENT_JOBS);
-    grid.put(seenScenes);
+    grid.put(seenScenes, arriving.value);
     showJobs(seenJobs);
     zone.classList.toggle("compact", seenScenes.length > 0);
     nothing.hidden = mayChange(chosenProject()) || seenScenes.length + seenJobs.length > 0 || scenes.value === null;
-    sceneSection.hidden = seenScenes.length === 0;
+    sceneSection.hidden = seenScenes.length + arriving.value.length === 0;
     jobSection.hidden = seenJobs.length === 0;
   };
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let news;
   life.add(() => clearTimeout(news));
   let isListed = false;
+  const refreshSoon = () => {
+    clearTimeout(news);
+    news = setTimeout(refresh, NEWS_MS);
+  };
+  let uploads = 0;
+  life.add(
+    arriving.subscribe(({ length }) => {
+      if (length > uploads) refresh();
+      else if (length < uploads) refreshSoon();
+      uploads = length;
+    }),
+  );
   life.add(
     scenes.subscribe((all) => {
-      clearTimeout(news);
-      if (isListed) news = setTimeout(refresh, NEWS_MS);
+      if (isListed) refreshSoon();
       else refresh();
       isListed = all !== null;
     }),

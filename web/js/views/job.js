@@ -164,6 +164,7 @@ function open(page, job, life) {
   );
   if (shot) save.element.append(shot.files);
   life.add(addShortcuts(stageKeys({ view: picture.view, display, normalise, inShot: shot !== null })));
+  life.add(addShortcuts(save.actions));
   life.add(addShortcuts(jobKeys({ job: () => latest, display, inShot: shot !== null })));
 
   const tabs = sideTabs(t("Picture"), [

@@ -10,7 +10,7 @@ import { icon } from "../base/icons.js";
 import { linkTo } from "../shell/router.js";
 import { offer } from "../news/projects.js";
 import { lightOf, variantOf } from "../base/scene-version.js";
-import { stateChip } from "../shell/state-chip.js";
+import { progressBar, stateChip } from "../shell/state-chip.js";
 import { showError, undoable } from "../shell/tray.js";
 import { saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
@@ -54,6 +54,24 @@ export function sceneCard(scene) {
       picture.update(next, renderedOf(next) ?? examplePictures.get(next.id));
     },
   };
+}
+
+/**
+ * The card of an upload in progress.
+ *
+ * @param {import("../news/arriving.js").Arriving} upload
+ * @returns {import("../base/dom.js").Row<unknown>}
+ */
+export function arrivingCard({ name, fraction }) {
+  const bar = progressBar(t("Uploading {title}", { title: name }));
+  fraction.subscribe((done) => bar.update(done)); // both end with the upload
+  const element = h(
+    "li",
+    { class: "card arriving" },
+    h("div", { class: "picture" }, icon("upload")),
+    h("div", { class: "body" }, h("span", { class: "name", title: name }, name), h("div", { class: "row" }, h("span", { class: "quiet small" }, t("Uploading")), bar.element)),
+  );
+  return { element, update: () => {} };
 }
 
 /**

@@ -5,9 +5,10 @@ import { h, keyedList, setText } from "../base/dom.js";
 import { hidden } from "../news/farm.js";
 import { announce } from "../shell/tray.js";
 import { t, tn } from "../base/words.js";
-import { refusedRow, sceneCard } from "./scene-card.js";
+import { arrivingCard, refusedRow, sceneCard } from "./scene-card.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
+/** @typedef {import("../news/arriving.js").Arriving} Arriving */
 
 /** Number of scenes shown at first, so that the sections below stay reachable. */
 const FIRST = 24;
@@ -15,15 +16,21 @@ const FIRST = 24;
 const SEARCHED = 9;
 const TYPING_MS = 200;
 
-/** @returns {{element: HTMLElement, aside: HTMLElement, put: (scenes: Scene[]) => void}} aside: shown beside the section's title */
+/** @returns {{element: HTMLElement, aside: HTMLElement, put: (scenes: Scene[], uploads?: readonly Arriving[]) => void}} aside: shown beside the section's title */
 export function sceneGrid() {
   /** The latest scenes known to the page. @type {Scene[]} */
   let latest = [];
+  /** Uploads in progress, shown first. @type {readonly Arriving[]} */
+  let coming = [];
   /** Further scenes of the service. @type {Map<string, Scene>} */
   const others = new Map();
   let isWhole = false;
   const grid = h("ul", { class: "cards" });
-  const show = keyedList(grid, (/** @type {Scene} */ scene) => scene.id, sceneCard);
+  const show = keyedList(
+    grid,
+    (/** @type {Scene | Arriving} */ { id }) => id,
+    (item) => /** @type {import("../base/dom.js").Row<Scene | Arriving>} */ ("fraction" in item ? arrivingCard(item) : sceneCard(item)),
+  );
   const search = h("input", { type: "search", placeholder: t("Search scenes"), "aria-label": t("Search scenes"), autocomplete: "off", hidden: true });
   const more = h("button", { class: "button", type: "button" }, t("Show all scenes"));
   const none = h("p", { class: "quiet", hidden: true });
@@ -43,7 +50,7 @@ export function sceneGrid() {
     setText(count, tn(failed.length, "{n} upload cannot be rendered", "{n} uploads cannot be rendered"));
     const found = all.filter(({ status }) => status !== "failed").filter(({ name, id }) => sought.every((word) => name.toLowerCase().includes(word) || id.startsWith(word)));
     const shown = isWhole || sought.length ? found : found.slice(0, FIRST);
-    show(shown);
+    show([...coming, ...shown]);
     search.hidden = all.length < SEARCHED && !search.value;
     rest.hidden = shown.length === found.length;
     none.hidden = found.length > 0 || all.length === 0;
@@ -68,7 +75,7 @@ export function sceneGrid() {
   });
   more.addEventListener("click", async () => {
     isWhole = true;
-    const next = grid.children.length;
+    const next = grid.children.length; // the first of those that were not shown
     await ask("");
     refresh();
     grid.children[next]?.querySelector("a")?.focus(); // the button has disappeared
@@ -76,8 +83,9 @@ export function sceneGrid() {
   return {
     element: h("div", null, grid, none, rest, fold),
     aside: search,
-    put(scenes) {
+    put(scenes, uploads = []) {
       latest = scenes;
+      coming = uploads;
       refresh();
     },
   };

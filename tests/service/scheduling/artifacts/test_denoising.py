@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from renderer.image import rgbe9995
+from service.errors import Conflict
 from service.jobs.denoised import denoised_artifact
 from service.jobs.lookup import find_film
 from service.scheduling.artifacts import denoising, previews
@@ -191,6 +192,19 @@ def test_preview_made_after_the_picture_is_released() -> None:
         made = denoised_artifact(Job(id="j", state="running"), 0, engine, farm, is_preview=True)
         assert asyncio.run(made) == (picture if late else replace(preview, is_preview=True))
         assert released == ([("j", 0)] if late else [])
+
+
+@pytest.mark.parametrize("has_preview", [False, True])
+def test_latest_preview_is_returned_without_a_wait(has_preview: bool) -> None:
+    preview = ArtifactResult("b" * 64, "old", 4)
+    engine: Any = SimpleNamespace(denoised=lambda *_: None, existing_preview=lambda *_: preview if has_preview else None)
+    farm: Any = SimpleNamespace(engine=engine)
+    made = denoised_artifact(Job(id="j", state="running"), 0, engine, farm, is_preview=True, waits=False)
+    if has_preview:
+        assert asyncio.run(made) == replace(preview, is_preview=True)
+        return
+    with pytest.raises(Conflict, match="no denoised preview"):
+        asyncio.run(made)
 
 
 def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyPatch) -> None:
