@@ -4,6 +4,8 @@ import { notesPanel } from "./notes.js";
 import { language, moment, words } from "./words.js";
 
 const EVERY_MS = 3000;
+/** How often the link of a picture that no longer changes is checked. */
+const VALID_MS = 15_000;
 const OPEN = ["queued", "running", "paused"];
 
 document.documentElement.lang = language;
@@ -63,7 +65,7 @@ function show() {
   const size = job.width && `${job.width}×${job.height}`;
   const samples = job.samples_per_pixel && `${job.samples_per_pixel} ${words.samples}`;
   part("facts").textContent = [size, samples, until].filter(Boolean).join(" · ");
-  if (size) part("stage").style.setProperty("--aspect", `${job.width} / ${job.height}`);
+  if (size) part("stage").style.setProperty("--ratio", String(job.width / job.height));
   part("frames").hidden = job.frames.length < 2;
   slider.max = String(job.frames.length - 1);
   part("number").textContent = String(job.frames[Number(slider.value)]);
@@ -87,7 +89,9 @@ async function refresh() {
   try {
     const answer = await ask("/api/shared");
     if (answer.status === 401 || answer.status === 404) {
-      picture.hidden = save.hidden = part("notes").hidden = part("pins").hidden = true;
+      picture.hidden = save.hidden = part("frames").hidden = part("notes").hidden = part("pins").hidden = true;
+      document.body.classList.remove("with-notes");
+      for (const name of ["state", "facts"]) part(name).textContent = "";
       return say(words.gone);
     }
     if (!answer.ok) throw new Error(String(answer.status));
@@ -106,7 +110,8 @@ async function refresh() {
   } finally {
     isAsking = false;
   }
-  if (!job || OPEN.includes(job.state) || !shown || (notes && !document.hidden)) timer = setTimeout(refresh, EVERY_MS);
+  const changes = !job || OPEN.includes(job.state) || !shown || (notes && !document.hidden);
+  if (changes || !document.hidden) timer = setTimeout(refresh, changes ? EVERY_MS : VALID_MS);
 }
 
 save.textContent = words.save;

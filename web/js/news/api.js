@@ -236,6 +236,9 @@ export const askWorker = (name, terms) => call("PATCH", `/workers/${encodeURICom
 /** @param {string} name @returns {Promise<string[]>} its last lines */
 export const getWorkerLog = (name) => call("GET", `/workers/${encodeURIComponent(name)}/log`);
 
+/** @returns {Promise<import("../base/types.js").Joining>} */
+export const getJoining = () => call("GET", "/joining");
+
 /** @returns {Promise<Info>} */
 export const getInfo = () => call("GET", "/info");
 

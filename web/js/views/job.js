@@ -32,7 +32,7 @@ import { jobKeys, stageKeys } from "../job/render-keys.js";
 import { followWithFrame, go, here, linkTo, setTitle } from "../shell/router.js";
 import { sideTabs } from "../job/side-tabs.js";
 import { savePanel } from "../job/save-panel.js";
-import { may, session } from "../news/session.js";
+import { askedBy, may, session } from "../news/session.js";
 import { sharePanel } from "../job/share-panel.js";
 import { isRead, known, labelOf, valueText } from "../news/settings-table.js";
 import { parseFrames } from "../base/frame-numbers.js";
@@ -254,7 +254,7 @@ function details(job, life) {
     [t("Size"), `${job.width}×${job.height}`],
     [t("Field of view"), job.settings && `${Number(job.settings.view.fov.toFixed(1))}°`],
     ...told(job.settings),
-    [t("Asked for by"), job.user],
+    [t("Asked for by"), askedBy(job) || null],
     [t("Job"), h("code", null, job.id)],
   ];
   return h(
