@@ -315,7 +315,7 @@ export const thumbnailUrl = (scene) => `api/scenes/${scene}/thumbnail.png`;
 
 /**
  * @param {Place} place
- * @param {"png" | "exr" | "jpg" | "avif" | "rgb9e5"} format
+ * @param {"png" | "exr" | "jpg" | "avif" | "jxl" | "rgb9e5"} format
  * @param {Record<string, string | number>} [query] aov, exposure, tonemap, …
  */
 export function imageUrl({ job, frame }, format, query = {}) {

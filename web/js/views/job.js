@@ -10,6 +10,7 @@ import { emptyPage } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
 import { offer } from "../news/projects.js";
+import { blackNotice } from "../job/black-notice.js";
 import { doubtNotice } from "../job/doubt-notice.js";
 import { queuePanel } from "../job/queue-panel.js";
 import { livePicture } from "../film/live-picture.js";
@@ -139,14 +140,10 @@ function open(page, job, life) {
   const line = progressBar(t("Progress"));
   life.every(1000, progress.tick);
 
-  // What most want of a finished picture; its tab has the formats.
-  const openSave = () => {
-    tabs.show("save");
-    /** @type {HTMLElement | null} */ (save.element.querySelector("a"))?.focus();
-  };
-  const saveButton = h("button", { class: "button primary wide-word save-picture", type: "button", title: t("Save"), hidden: true, onclick: openSave }, icon("download"), h("span", null, t("Save")));
+  const saveButton = save.split; // what most want of a finished picture
 
   const notices = stageNotices(picture.element, () => latest, picture.live, life);
+  blackNotice(picture.element, () => latest, picture.live, life);
   let isDenoisedFirst = false;
   /** Shows a job that asks for it denoised at first, also while it renders. The link may ask for another picture. */
   const denoiseFirst = () => {

@@ -212,6 +212,10 @@ function ready(page, scene, life) {
   const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
   const form = settingsForm(scene, submit, like && startOfJob(like), here().params.has("shot"));
   life.add(form.dispose);
+  if (here().params.get("light") === "studio") {
+    setParams({ light: null }); // the choice is the form's from now on
+    form.light.choose("studio");
+  }
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => form.update()));
   life.add(
