@@ -14,6 +14,7 @@ import { Viewport } from "../film/viewport.js";
 import { stops } from "../base/format.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { PLACE_SUN } from "../forms/environment-fields.js";
+import { addPart } from "../shell/layouts.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
 import { clarity, clarityField } from "./clarity.js";
@@ -553,6 +554,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (on) (instead.isOpen ? tools.buttons.get("light") : surface)?.focus({ preventScroll: true });
   });
   tools.buttons.get("light")?.addEventListener("keydown", (event) => tools.key(event) && event.preventDefault());
+  const endPart = addPart("display", {
+    get: () => look.value,
+    set: (/** @type {{exposure?: number, curve?: string}} */ shown) => {
+      if ([...curve.options].some(({ value }) => value === shown.curve)) curve.value = shown.curve ?? curve.value;
+      expose(Number(shown.exposure) || 0);
+    },
+  });
   const endKeys = addShortcuts([
     { keys: "N", does: t("Auto exposure"), run: exposeAuto },
     { keys: "L", shown: t("L, arrows"), does: t("Turn the light: hold and drag, or press and use the arrows"), run: lightKey.down },
@@ -672,6 +680,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       light.dispose();
       lightKey.dispose();
       endKeys();
+      endPart();
       form.element.removeEventListener(PLACE_SUN, placeSun);
       others.dispose();
       denoise.dispose();

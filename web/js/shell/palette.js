@@ -5,6 +5,7 @@ import { fill, h } from "../base/dom.js";
 import { hidden, jobs, scenes } from "../news/farm.js";
 import { showHelp } from "./help-dialog.js";
 import { icon } from "../base/icons.js";
+import { LAYOUTS, layoutCommands } from "./layouts.js";
 import { linkTo } from "./router.js";
 import { session } from "../news/session.js";
 import { shortcuts } from "./shortcuts.js";
@@ -76,7 +77,7 @@ function united(known, found) {
  */
 export function showPalette(nav) {
   if (document.querySelector("dialog[open]")) return;
-  const fixed = [...pages(nav), ...actions()];
+  const fixed = [...pages(nav), ...actions(), ...layoutCommands()];
   /** @type {{scenes: import("../base/types.js").Scene[], jobs: import("../base/types.js").Job[]}} */
   const found = { scenes: [], jobs: [] };
   /** @type {Command[]} */
@@ -111,7 +112,8 @@ export function showPalette(nav) {
       note: [width && height ? `${width}×${height}` : "", spp ? `${spp} spp` : "", note ?? ""].filter(Boolean).join(" · "),
     }));
     shown = [...matching(fixed, text), ...matching(ofScenes, text).slice(0, MOST), ...matching(ofJobs, text).slice(0, MOST)];
-    if (!text) shown = shown.filter(({ group }) => group !== ACTIONS).concat(shown.filter(({ group }) => group === ACTIONS));
+    const isLast = (/** @type {Command} */ { group }) => group === ACTIONS || group === LAYOUTS;
+    if (!text) shown = [...shown.filter((each) => !isLast(each)), ...shown.filter(isLast)];
     at = Math.min(at, Math.max(shown.length - 1, 0));
     const groups = [...new Set(shown.map(({ group }) => group))];
     fill(

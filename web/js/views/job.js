@@ -9,6 +9,9 @@ import { lightWords, ownLight } from "../base/light-words.js";
 import { emptyPage } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
+import { addPart, sideEdge } from "../shell/layouts.js";
+import { isCurve } from "../film/curves.js";
+import { channels } from "../film/channels.js";
 import { offer } from "../news/projects.js";
 import { blackNotice } from "../job/black-notice.js";
 import { doubtNotice } from "../job/doubt-notice.js";
@@ -171,10 +174,19 @@ function open(page, job, life) {
     { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id)] },
     { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },
   ]);
+  life.add(addPart("tab", { get: tabs.current, set: tabs.show }));
+  life.add(
+    addPart("display", {
+      get: () => ({ exposure: display.value.exposure, curve: display.value.curve, channel: display.value.channel }),
+      set: ({ exposure = 0, curve = "", channel = "" }) =>
+        display.update((now) => ({ ...now, exposure: clampExposure(Number(exposure) || 0), curve: isCurve(curve) ? curve : now.curve, channel: channels(job.settings).some(({ name }) => name === channel) ? channel : "" })),
+    }),
+  );
   const side = [
     ...[progress.element, doubt.element, shot?.panel, explained.element, pins.element],
     ...tabs.elements,
   ];
+  const aside = h("aside", { class: "side", "aria-label": t("Picture") }, ...side);
   // On a narrow screen below the picture, which then lies where the scene's view did.
   const bar = h("div", { class: "job-bar" });
   const narrow = matchMedia("(max-width: 860px)");
@@ -194,7 +206,8 @@ function open(page, job, life) {
     shot?.strip,
     bar,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": t("Picture") }, ...side),
+    aside,
+    sideEdge(() => aside, life),
   );
   arrange();
 

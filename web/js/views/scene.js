@@ -9,6 +9,7 @@ import { bytes, count, extent } from "../base/format.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { go, here, linkTo, setParams, setTitle } from "../shell/router.js";
+import { sideEdge } from "../shell/layouts.js";
 import { offer } from "../news/projects.js";
 import { failedScene } from "../scene/failed-scene.js";
 import { startOfJob } from "../scene/form-start.js";
@@ -226,6 +227,12 @@ function ready(page, scene, life) {
   );
   const sides = sidesFromUrl(life);
   const view = viewOf(scene, form, sides, life);
+  const side = h(
+    "div",
+    { class: "workspace-side" },
+    warnings(scene), // above the view, they would move it
+    h("section", { class: "panel", "aria-label": t("Render") }, form.element),
+  );
   page.classList.add("workspace");
   life.add(() => page.classList.remove("workspace"));
   fill(
@@ -242,12 +249,8 @@ function ready(page, scene, life) {
         h("div", { class: "strips" }, view.takes, renderStrip(scene.id, sides, life)),
         facts(scene),
       ),
-      h(
-        "div",
-        { class: "workspace-side" },
-        warnings(scene), // above the view, they would move it
-        h("section", { class: "panel", "aria-label": t("Render") }, form.element),
-      ),
+      side,
+      sideEdge(() => side, life),
     ),
   );
   return () => {};
