@@ -144,7 +144,7 @@ def test_picture_without_groups_is_rendered_again_with_a_group_per_lamp(farm: Fa
     page.get_by_role("tab", name="Lights").click()
     page.get_by_role("button", name="Render again to mix").click()
     expect(page).not_to_have_url(re.compile(job))
-    for name in ("environment", "light 0", "light 1", "All others"):
+    for name in ("Environment", "light 0", "light 1", "All others"):
         expect(page.get_by_role("button", name=f"Mute: {name}")).to_be_visible()
     again = httpx.get(f"{farm.url}/api/jobs/{page.url.rsplit('/', 1)[1].split('?')[0]}").raise_for_status().json()
     assert again["settings"]["light_groups"] == "environment,light 0,light 1"
