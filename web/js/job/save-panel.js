@@ -116,10 +116,17 @@ function splitButton(save, saves) {
  * @param {import("../news/api.js").Place} place
  * @param {import("./display-panel.js").Display} look
  */
-export function asItLooks(place, { exposure, curve, channel, denoise, mix }) {
-  if (channel) return imageUrl(place, "png", { aov: channel });
-  return imageUrl(place, "png", { exposure, tonemap: curve, ...(denoise === "on" && !isMixed(mix) && { denoise: "true" }), ...mixQuery(mix) });
+export function asItLooks(place, look) {
+  return imageUrl(place, "png", look.channel ? { aov: look.channel } : lookQuery(look));
 }
+
+/**
+ * Parameters of the colour as displayed.
+ *
+ * @param {import("./display-panel.js").Display} look
+ * @returns {Record<string, string | number>}
+ */
+export const lookQuery = ({ exposure, curve, denoise, mix }) => ({ exposure, tonemap: curve, ...(denoise === "on" && !isMixed(mix) && { denoise: "true" }), ...mixQuery(mix) });
 
 /** @param {string} text @param {HTMLElement[]} links */
 export function row(text, links) {

@@ -1,8 +1,9 @@
 /** The command palette: pages, actions of the current view, scenes and jobs, found by their names. Ctrl+K opens it. */
 
-import { findJobs, findScenes } from "../news/api.js";
+import { findJobs, findScenes, getExamples, getGuides } from "../news/api.js";
 import { fill, h } from "../base/dom.js";
 import { hidden, jobs, scenes } from "../news/farm.js";
+import { visitExample } from "./examples.js";
 import { showHelp } from "./help-dialog.js";
 import { icon } from "../base/icons.js";
 import { LAYOUTS, layoutCommands } from "./layouts.js";
@@ -20,7 +21,7 @@ export const PALETTE_KEYS = "Ctrl+K";
 const MOST = 7; // scenes, and jobs
 const TYPING_MS = 200;
 
-const [PAGES, ACTIONS, SCENES, JOBS] = [t("Pages"), t("Actions"), t("Scenes"), t("Jobs")];
+const [PAGES, ACTIONS, SCENES, JOBS, EXAMPLES, GUIDES] = [t("Pages"), t("Actions"), t("Scenes"), t("Jobs"), t("Examples"), t("Guides")];
 
 /**
  * Returns the entries whose label or note has every word, those that begin with the text first.
@@ -62,6 +63,18 @@ function actions() {
   const others = LANGUAGES.filter(([name]) => name !== language);
   const languages = others.map(([name, own]) => ({ group: ACTIONS, symbol: /** @type {IconName} */ ("globe"), label: own, note: t("Language"), run: () => speak(name) }));
   return [...listed.map(({ keys, shown, does, run }) => ({ group: ACTIONS, symbol: /** @type {IconName} */ ("play"), label: does, note: shown ?? keys, run })), ...themes, ...languages];
+}
+
+/** Examples that are no scenes yet, and sections of the guides, once they are loaded. @type {Command[]} */
+let further = [];
+
+/** Loads the examples and the guides, which the page does not need before something is sought. */
+async function loadFurther() {
+  const [examples, guides] = await Promise.all([getExamples().catch(() => []), getGuides().catch(() => [])]);
+  further = [
+    ...examples.filter((each) => each.scenes.length === 0).map((each) => ({ group: EXAMPLES, symbol: /** @type {IconName} */ ("cube"), label: each.title, run: () => void visitExample(each) })),
+    ...guides.map(({ guide, heading, url }) => ({ group: GUIDES, symbol: /** @type {IconName} */ ("info"), label: heading, note: heading === guide ? "" : guide, run: leave(url) })),
+  ];
 }
 
 /** Unites known items with those that the service has found. @template {{id: string}} T @param {T[] | null} known @param {T[]} found */
@@ -111,7 +124,7 @@ export function showPalette(nav) {
       ...{ label: name, group: JOBS, symbol: /** @type {IconName} */ ("image"), run: visit(linkTo("jobs", id)) },
       note: [width && height ? `${width}×${height}` : "", spp ? `${spp} spp` : "", note ?? ""].filter(Boolean).join(" · "),
     }));
-    shown = [...matching(fixed, text), ...matching(ofScenes, text).slice(0, MOST), ...matching(ofJobs, text).slice(0, MOST)];
+    shown = [...matching(fixed, text), ...matching(ofScenes, text).slice(0, MOST), ...matching(ofJobs, text).slice(0, MOST), ...(text ? [EXAMPLES, GUIDES].flatMap((group) => matching(further.filter((each) => each.group === group), text).slice(0, MOST)) : [])];
     const isLast = (/** @type {Command} */ { group }) => group === ACTIONS || group === LAYOUTS;
     if (!text) shown = [...shown.filter((each) => !isLast(each)), ...shown.filter(isLast)];
     at = Math.min(at, Math.max(shown.length - 1, 0));
@@ -180,6 +193,7 @@ export function showPalette(nav) {
   dialog.showModal();
   refresh();
   input.focus();
+  void loadFurther().then(() => dialog.open && refresh());
 }
 
 /** Opens and closes the palette by Ctrl+K or, on a Mac, Command+K. @param {readonly (readonly [string, string])[]} nav */

@@ -31,7 +31,7 @@ import { histogramPanel } from "../job/histogram-panel.js";
 import { explainPanel } from "../job/explain-panel.js";
 import { pinsPanel } from "../job/pins.js";
 import { pictureTools } from "../job/picture-tools.js";
-import { asItLooks } from "../job/save-panel.js";
+import { asItLooks, lookQuery } from "../job/save-panel.js";
 import { jobKeys, stageKeys } from "../job/render-keys.js";
 import { followWithFrame, go, here, linkTo, setTitle } from "../shell/router.js";
 import { sideTabs } from "../job/side-tabs.js";
@@ -171,7 +171,7 @@ function open(page, job, life) {
     { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element] },
     { name: "lights", label: t("Lights"), content: [lightMixer(display, () => latest, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture))] },
     { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
-    { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id)] },
+    { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id, () => lookQuery(display.value))] },
     { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },
   ]);
   life.add(addPart("tab", { get: tabs.current, set: tabs.show }));
