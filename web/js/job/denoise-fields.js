@@ -15,7 +15,7 @@ export const DENOISE_MODES = /** @type {const} */ (["off", "wipe", "on"]);
 /**
  * @param {DisplayStore} display
  * @param {() => void} renew denoises what the film has now
- * @returns {{element: HTMLElement, update: (state: SideState | null) => void}} update: with null if nothing is denoised
+ * @returns {{element: HTMLElement, update: (state: SideState | null) => void, setRendering: (is: boolean) => void}} update: with null if nothing is denoised
  */
 export function denoiseFields(display, renew) {
   const choice = segments(
@@ -45,27 +45,40 @@ export function denoiseFields(display, renew) {
     t("Denoise again"),
   );
   const element = h("div", { class: "stack tight", hidden: true }, choice.element, why, bar.element, said, again);
+  /** @type {SideState | null} */
+  let latest = null;
+  let isRendering = true;
+  const show = () => {
+    const state = latest;
+    const { error, isPreview = false, isLast = false } = state ?? {};
+    bar.element.hidden = !state?.waiting || isPreview;
+    const isImproved = Boolean(isPreview ? isLast && (state?.isImproved || !state?.waiting) : state?.waiting && state.isImproved);
+    const sentence = isPreview && !isLast && isRendering && !error
+      ? t("Renewed when its samples have doubled.")
+      : isImproved && !error
+      ? t("A preview until the final one is ready")
+      : state?.waiting
+      ? t("Denoising …")
+      : error
+        ? t("Not denoised. {error}", { error: error instanceof Error ? error.message : String(error) })
+        : state?.stale
+          ? t("New samples have come since it was denoised.")
+          : "";
+    setText(said, sentence);
+    said.hidden = sentence === "";
+    said.classList.toggle("bad", Boolean(error) && !state?.waiting);
+    again.hidden = !state || state.waiting || !((state.stale && !isPreview) || error);
+  };
   return {
     element,
     update(state) {
-      const { error, isPreview = false, isLast = false } = state ?? {};
-      bar.element.hidden = !state?.waiting || isPreview;
-      const isImproved = Boolean(isPreview ? isLast && (state?.isImproved || !state?.waiting) : state?.waiting && state.isImproved);
-      const sentence = isPreview && !isLast && !error
-        ? t("Renewed when its samples have doubled.")
-        : isImproved && !error
-        ? t("A preview until the final one is ready")
-        : state?.waiting
-        ? t("Denoising …")
-        : error
-          ? t("Not denoised. {error}", { error: error instanceof Error ? error.message : String(error) })
-          : state?.stale
-            ? t("New samples have come since it was denoised.")
-            : "";
-      setText(said, sentence);
-      said.hidden = sentence === "";
-      said.classList.toggle("bad", Boolean(error) && !state?.waiting);
-      again.hidden = !state || state.waiting || !((state.stale && !isPreview) || error);
+      latest = state;
+      show();
+    },
+    setRendering(is) {
+      if (is === isRendering) return;
+      isRendering = is;
+      show();
     },
   };
 }

@@ -192,7 +192,11 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
   /** @param {boolean} can */
   const offerDenoise = (can) => (denoise.element.hidden = !can && display.value.denoise === "off");
   /** Offers outlines only while tiles are, or may still be, rendered. @param {import("../base/types.js").Job} job */
-  const update = ({ state }) => (outline.hidden = !["queued", "running", "paused"].includes(state));
+  const update = ({ state }) => {
+    const isOpen = ["queued", "running", "paused"].includes(state);
+    outline.hidden = !isOpen;
+    denoise.setRendering(isOpen);
+  };
   /** @param {import("../film/pixel-overlay.js").Outline[]} outlines of the tiles in hand */
   const showHands = (outlines) => {
     const names = [...new Set(outlines.map(({ worker }) => worker))].sort();

@@ -388,7 +388,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       if (isLatest && (done || (denoised && mean >= SHARP_SPP))) clearId = next.id;
       if (next.id !== null && isLatest && surface.dataset.view === String(next.id) && (done || mean >= BLACK_SPP)) lookForBlackness(next.id);
       if (message) say(saidOf(next, "message"));
-      else if (bound) say(clarity(mean, noise, done, isCovered && (known !== "" || !meshed.hidden) && canvas.classList.contains("held-back"), denoised), done);
+      else if (bound) say(clarity(mean, noise, done, isCovered && canvas.classList.contains("held-back"), denoised), done);
       state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");
     },
     failed: (sentence) => say(sentence),
