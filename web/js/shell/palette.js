@@ -65,16 +65,17 @@ function actions() {
   return [...listed.map(({ keys, shown, does, run }) => ({ group: ACTIONS, symbol: /** @type {IconName} */ ("play"), label: does, note: shown ?? keys, run })), ...themes, ...languages];
 }
 
-/** Examples that are no scenes yet, and sections of the guides, once they are loaded. @type {Command[]} */
-let further = [];
+/** Examples that are no scenes yet, and sections of the guides, once they are loaded. @type {Record<string, Command[]>} */
+const further = {};
 
-/** Loads the examples and the guides, which the page does not need before something is sought. */
-async function loadFurther() {
-  const [examples, guides] = await Promise.all([getExamples().catch(() => []), getGuides().catch(() => [])]);
-  further = [
-    ...examples.filter((each) => each.scenes.length === 0).map((each) => ({ group: EXAMPLES, symbol: /** @type {IconName} */ ("cube"), label: each.title, run: () => void visitExample(each) })),
-    ...guides.map(({ guide, heading, url }) => ({ group: GUIDES, symbol: /** @type {IconName} */ ("info"), label: heading, note: heading === guide ? "" : guide, run: leave(url) })),
-  ];
+/** Loads the examples and the guides, which the page does not need before something is sought. @param {() => void} came called after each */
+function loadFurther(came) {
+  const load = async (/** @type {string} */ group, /** @type {Promise<Command[]>} */ found) => {
+    further[group] = await found.catch(() => further[group] ?? []); // the palette finds the rest without them
+    came();
+  };
+  void load(EXAMPLES, getExamples().then((all) => all.filter((each) => each.scenes.length === 0).map((each) => ({ group: EXAMPLES, symbol: "cube", label: each.title, run: () => void visitExample(each) }))));
+  void load(GUIDES, getGuides().then((all) => all.map(({ guide, heading, url }) => ({ group: GUIDES, symbol: "info", label: heading, note: heading === guide ? "" : guide, run: leave(url) }))));
 }
 
 /** Unites known items with those that the service has found. @template {{id: string}} T @param {T[] | null} known @param {T[]} found */
@@ -124,7 +125,7 @@ export function showPalette(nav) {
       ...{ label: name, group: JOBS, symbol: /** @type {IconName} */ ("image"), run: visit(linkTo("jobs", id)) },
       note: [width && height ? `${width}×${height}` : "", spp ? `${spp} spp` : "", note ?? ""].filter(Boolean).join(" · "),
     }));
-    shown = [...matching(fixed, text), ...matching(ofScenes, text).slice(0, MOST), ...matching(ofJobs, text).slice(0, MOST), ...(text ? [EXAMPLES, GUIDES].flatMap((group) => matching(further.filter((each) => each.group === group), text).slice(0, MOST)) : [])];
+    shown = [...matching(fixed, text), ...matching(ofScenes, text).slice(0, MOST), ...matching(ofJobs, text).slice(0, MOST), ...(text ? [EXAMPLES, GUIDES].flatMap((group) => matching(further[group] ?? [], text).slice(0, MOST)) : [])];
     const isLast = (/** @type {Command} */ { group }) => group === ACTIONS || group === LAYOUTS;
     if (!text) shown = [...shown.filter((each) => !isLast(each)), ...shown.filter(isLast)];
     at = Math.min(at, Math.max(shown.length - 1, 0));
@@ -193,7 +194,7 @@ export function showPalette(nav) {
   dialog.showModal();
   refresh();
   input.focus();
-  void loadFurther().then(() => dialog.open && refresh());
+  loadFurther(() => dialog.open && refresh());
 }
 
 /** Opens and closes the palette by Ctrl+K or, on a Mac, Command+K. @param {readonly (readonly [string, string])[]} nav */
