@@ -111,6 +111,7 @@ def test_live_view_navigates_and_survives_killed_slot(farm: Farm, watched: Watch
     size.get_by_role("radio", name="Custom").check(force=True)
     wait_until(lambda: view.samples() > samples, 60, "the same numbers do not begin the view anew")
     assert view.number() == number
+    page.evaluate("scrollTo(0, 0)")
     view.turn()
     link = view.address()
     surface.focus()

@@ -3,7 +3,6 @@
 import { DENOISED, MIX } from "./channels.js";
 import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { workers } from "../news/farm.js";
-import { canDenoise } from "../job/denoise-fields.js";
 import { LiveFilm } from "./live-film.js";
 import { isMixed } from "./light-mix.js";
 import { pictureStage } from "./picture-stage.js";
@@ -56,7 +55,7 @@ export function livePicture(job, display, life, changed, frame) {
   };
 
   const poster = posterOf(job, live.frame, display.value);
-  const isClean = (!workers.value || canDenoise(workers.value)) && (job.denoise || display.value.denoise !== "off");
+  const isClean = job.denoise || display.value.denoise !== "off"; // without a preview the small one stays
   const isSmall = (job.width ?? 0) <= POSTER_WIDTH;
   stage.view?.setPoster(live.clean || (poster?.near ?? null), isClean && !live.clean && !isSmall ? poster?.clean : "");
   void Promise.race([stage.view?.poster?.loaded, new Promise((resolve) => setTimeout(resolve, POSTER_MS))]).then(isPosterHere);
