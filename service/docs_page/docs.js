@@ -85,10 +85,10 @@ function commands(path, method, about, api) {
   const isForm = media.startsWith("multipart/");
   const example = media && !isForm ? JSON.stringify(exampleBody(about.requestBody.content[media].schema, api)).replaceAll(/([:,])/g, "$1 ") : "";
   const body = !media ? "" : isForm ? " -F files=@scene.glb" : ` --json '${example}'`;
-  const sent = !media ? "" : isForm ? ', files={"files": open("scene.glb", "rb")}' : `, json=${example.replaceAll("true", "True").replaceAll("null", "None")}`;
+  const sent = !media ? "" : isForm ? ', files={"files": open("scene.glb", "rb")}' : `, json=${example.replaceAll("true", "True").replaceAll("false", "False").replaceAll("null", "None")}`;
   const curl = `curl -sf${method === "get" || body ? "" : ` -X ${verb}`}${body && verb !== "POST" ? ` -X ${verb}` : ""}${body} ${url}`;
   const python = `import httpx\n\nanswer = httpx.${method}("${url}"${sent}).raise_for_status()`;
-  return [el("h3", {}, "curl"), el("pre", { tabindex: "0" }, curl), el("h3", {}, "Python"), el("pre", { tabindex: "0" }, python)];
+  return Object.entries({ curl, Python: python }).map(([name, text]) => el("div", {}, el("h3", {}, name), el("pre", { tabindex: "0" }, text)));
 }
 
 function operation(path, method, about, api) {
@@ -104,10 +104,12 @@ function operation(path, method, about, api) {
     {},
     el("code", { class: "method" }, method.toUpperCase()),
     el("code", { class: "path" }, path),
-    el("span", { class: "about" }, (about.description ?? about.summary ?? "").split("\n")[0]),
+    el("span", { class: "about" }, ...withCode((about.description ?? about.summary ?? "").split("\n")[0])),
   );
-  const rest = (about.description ?? "").split("\n").slice(1).join(" ").trim();
-  return el("details", {}, summary, el("div", { class: "inside" }, rest && el("p", {}, rest), table("Parameters", parameters), ...sent, ...given, ...commands(path, method, about, api)));
+  const rest = (about.description ?? "").split("\n").slice(1).join("\n").trim().split(/\n\s*\n/).filter(Boolean);
+  const paragraphs = rest.map((text) => el("p", {}, ...withCode(text)));
+  const examples = el("div", { class: "commands" }, ...commands(path, method, about, api));
+  return el("details", {}, summary, el("div", { class: "inside" }, ...paragraphs, examples, table("Parameters", parameters), ...sent, ...given));
 }
 
 function page(api) {
