@@ -26,6 +26,8 @@ import { announce } from "./tray.js";
 const [FRAME_KEY, LAYOUTS_KEY] = ["rayfarm-frame", "rayfarm-layouts"];
 /** Least and greatest width of the side, in pixels, and the step of its arrow keys. */
 const [LEAST, MOST, STEP] = [288, 720, 16];
+/** Width of the side in pixels, as css/tokens.css has it on a wide screen. */
+const USUAL_WIDTH = 360;
 /** @type {Frame} */
 const USUAL = { width: null, hasSide: true, hasStrips: true };
 /** @type {Layout} */
@@ -197,7 +199,7 @@ export function sideEdge(side, life) {
     "aria-orientation": "vertical",
     "aria-label": t("Width of the side"),
     title: t("Drag to change the width; double-click to hide or show the side"),
-    ...{ "aria-valuemin": LEAST, "aria-valuemax": MOST },
+    ...{ "aria-valuemin": 0, "aria-valuemax": MOST },
     ondblclick: toggle,
   });
   const widen = (/** @type {number} */ width) => frame.update((now) => ({ ...now, hasSide: true, width: Math.round(Math.min(Math.max(width, LEAST), MOST)) }));
@@ -220,11 +222,6 @@ export function sideEdge(side, life) {
     if (step === undefined) toggle();
     else widen(side().getBoundingClientRect().width + step);
   });
-  life.add(
-    frame.subscribe(({ width }) => {
-      if (width === null) edge.removeAttribute("aria-valuenow");
-      else edge.setAttribute("aria-valuenow", String(width));
-    }),
-  );
+  life.add(frame.subscribe(({ width, hasSide }) => edge.setAttribute("aria-valuenow", String(hasSide ? (width ?? USUAL_WIDTH) : 0))));
   return edge;
 }
