@@ -26,7 +26,7 @@ shapes:
 
 
 def test_black_view_and_job_say_that_the_camera_sees_nothing(farm: Farm, watched: Watched) -> None:
-    """The scene page and the job page say so and offer to frame the scene, which then is seen; the card has a word over the black."""
+    """The pages of the job and of the scene offer to frame the scene, which then is seen; cards have a word over the black."""
     page = watched.page
     sent = httpx.post(f"{farm.url}/api/scenes", files={"files": ("behind.yaml", SCENE)})
     scene = sent.raise_for_status().json()["id"]
