@@ -557,7 +557,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const endPart = addPart("display", {
     get: () => look.value,
     set: (/** @type {{exposure?: number, curve?: string}} */ shown) => {
-      if ([...curve.options].some(({ value }) => value === shown.curve)) curve.value = shown.curve ?? curve.value;
+      curve.value = [...curve.options].some(({ value }) => value === shown.curve) ? (shown.curve ?? "") : DEFAULT_CURVE;
       expose(Number(shown.exposure) || 0);
     },
   });

@@ -6,8 +6,6 @@
 import { h } from "../base/dom.js";
 import { Store } from "../base/store.js";
 import { t } from "../base/words.js";
-import { DEFAULT_CURVE } from "../film/tonemap.js";
-import { field } from "../forms/fields.js";
 import { announce } from "./tray.js";
 
 /**
@@ -31,7 +29,7 @@ const USUAL_WIDTH = 360;
 /** @type {Frame} */
 const USUAL = { width: null, hasSide: true, hasStrips: true };
 /** @type {Layout} */
-const DEFAULT = { frame: USUAL, folds: {}, tab: "view", display: { exposure: 0, curve: DEFAULT_CURVE, channel: "" } };
+const DEFAULT = { frame: USUAL, folds: {}, tab: "view", display: { exposure: 0, curve: "", channel: "" } }; // "": the default curve
 
 /** @param {string} key @returns {any} null: none, or storage is blocked */
 function read(key) {
@@ -138,7 +136,7 @@ function keep(name, layout) {
 /** Asks for a name, and saves the layout of the open page. */
 export function saveLayout() {
   const layout = layoutNow();
-  const name = h("input", { type: "text", required: true, maxlength: 40, autocomplete: "off" });
+  const name = h("input", { type: "text", id: "layout-name", required: true, maxlength: 40, autocomplete: "off" });
   const dialog = h(
     "dialog",
     { class: "help which", "aria-label": t("Save layout"), onclose: () => dialog.remove() },
@@ -155,7 +153,7 @@ export function saveLayout() {
         },
       },
       h("h2", null, t("Save layout")),
-      field(t("Name"), name),
+      h("div", { class: "field" }, h("label", { for: name.id }, t("Name")), name),
       h("p", { class: "quiet small" }, t("The side, its open tab and sections, the strips, exposure, tone curve and channel. Ctrl+K finds it.")),
       h("div", { class: "row" }, h("button", { class: "button primary", type: "submit" }, t("Save")), h("button", { class: "button", type: "button", onclick: () => dialog.close() }, t("Cancel"))),
     ),

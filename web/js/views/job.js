@@ -11,9 +11,10 @@ import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
 import { addPart, sideEdge } from "../shell/layouts.js";
 import { isCurve } from "../film/curves.js";
+import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { channels } from "../film/channels.js";
 import { offer } from "../news/projects.js";
-import { blackNotice } from "../job/black-notice.js";
+import { blackNotice } from "../scene/black-notice.js";
 import { doubtNotice } from "../job/doubt-notice.js";
 import { queuePanel } from "../job/queue-panel.js";
 import { livePicture } from "../film/live-picture.js";
@@ -179,7 +180,7 @@ function open(page, job, life) {
     addPart("display", {
       get: () => ({ exposure: display.value.exposure, curve: display.value.curve, channel: display.value.channel }),
       set: ({ exposure = 0, curve = "", channel = "" }) =>
-        display.update((now) => ({ ...now, exposure: clampExposure(Number(exposure) || 0), curve: isCurve(curve) ? curve : now.curve, channel: channels(job.settings).some(({ name }) => name === channel) ? channel : "" })),
+        display.update((now) => ({ ...now, exposure: clampExposure(Number(exposure) || 0), curve: isCurve(curve) ? curve : DEFAULT_CURVE, channel: channels(job.settings).some(({ name }) => name === channel) ? channel : "" })),
     }),
   );
   const side = [

@@ -7,7 +7,7 @@ import { fill, h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
 import { linkTo } from "../shell/router.js";
-import { viewToText } from "../scene/view-url.js";
+import { viewToText } from "./view-url.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
