@@ -6,6 +6,7 @@ import base64
 import io
 import json
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,9 @@ from tests.page.node import Node
 READ = """
     const known = m.readGlb(Uint8Array.from(atob(a.file), (c) => c.charCodeAt(0)), a.most ?? 300000);
     if (!known) return null;
-    const { packet, view, images } = known;
+    const { packet, view, isWhole, images } = known;
     const plain = Object.entries(packet).map(([name, value]) => [name, ArrayBuffer.isView(value) ? [...value] : value]);
-    return { packet: Object.fromEntries(plain), view, images: images.map(({ bytes }) => [...bytes]) };"""
+    return { packet: Object.fromEntries(plain), view, isWhole, images: images.map(({ bytes }) => [...bytes]) };"""
 
 
 def read_in_page(node: Node, data: bytes, most: int = 300_000) -> Any:
@@ -158,14 +159,41 @@ def test_parts_of_one_table_of_vertices_are_drawn_by_texture(node: Node) -> None
     np.testing.assert_allclose(found, table[[0, 1, 2, 6, 7, 8, 3, 4, 5]], atol=1e-4)
 
 
-@pytest.mark.parametrize("perspective", [{}, {"yfov": 0}, {"yfov": 4}])
-def test_invalid_camera_is_left_out(node: Node, model: bytes, perspective: dict[str, float]) -> None:
-    (length,) = struct.unpack_from("<I", model, 12)
-    gltf = json.loads(model[20 : 20 + length])
-    gltf["cameras"] = [{"type": "perspective", "perspective": perspective}]
-    gltf["nodes"][0]["camera"] = 0
+def edited(glb: bytes, edit: Callable[[dict[str, Any]], None]) -> bytes:
+    """Returns a GLB file with an edited document."""
+    (length,) = struct.unpack_from("<I", glb, 12)
+    gltf = json.loads(glb[20 : 20 + length])
+    edit(gltf)
     text = json.dumps(gltf).encode()
     text += b" " * (-len(text) % 4)
-    data = struct.pack("<I4s", len(text), b"JSON") + text + model[20 + length :]
-    found = read_in_page(node, struct.pack("<4s2I", b"glTF", 2, 12 + len(data)) + data)
+    data = struct.pack("<I4s", len(text), b"JSON") + text + glb[20 + length :]
+    return struct.pack("<4s2I", b"glTF", 2, 12 + len(data)) + data
+
+
+def test_textures_of_other_types_are_left_to_the_service(node: Node, model: bytes) -> None:
+    def compress(gltf: dict[str, Any]) -> None:
+        gltf["textures"] = [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]
+
+    assert read_in_page(node, model)["isWhole"]
+    assert not read_in_page(node, edited(model, compress))["isWhole"]
+
+
+def test_black_lamps_leave_the_studio(node: Node, model: bytes) -> None:
+    def add(intensity: float) -> Callable[[dict[str, Any]], None]:
+        def edit(gltf: dict[str, Any]) -> None:
+            gltf["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": intensity}]}}
+
+        return edit
+
+    assert read_in_page(node, edited(model, add(0)))["packet"]["background"] is None
+    assert read_in_page(node, edited(model, add(5)))["packet"]["background"] == [0, 0, 0]
+
+
+@pytest.mark.parametrize("perspective", [{}, {"yfov": 0}, {"yfov": 4}])
+def test_invalid_camera_is_left_out(node: Node, model: bytes, perspective: dict[str, float]) -> None:
+    def add(gltf: dict[str, Any]) -> None:
+        gltf["cameras"] = [{"type": "perspective", "perspective": perspective}]
+        gltf["nodes"][0]["camera"] = 0
+
+    found = read_in_page(node, edited(model, add))
     assert found["view"] == read_in_page(node, model)["view"]

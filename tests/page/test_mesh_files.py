@@ -16,11 +16,13 @@ import pytest
 import trimesh
 from PIL import Image
 
-from renderer.formats import SCENE_SUFFIXES, pick_main
+from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES, pick_main
 from renderer.scene.animation import Moment
 from renderer.scene.default_camera import frame
+from renderer.scene.description import SceneDescription
 from renderer.scene.load import Shot
 from renderer.scene.preview import Preview, preview
+from renderer.scene.room_camera import room_view
 from tests.helpers import ROOT
 from tests.page.node import Node
 
@@ -36,15 +38,20 @@ READ = """
 
 def read_in_page(node: Node, files: dict[str, bytes]) -> Any:
     sent = [(path, base64.b64encode(data).decode()) for path, data in files.items()]
-    return node.call("mesh/upload", READ, {"files": sent, "formats": list(SCENE_SUFFIXES)})
+    formats = [*SCENE_SUFFIXES, *ARCHIVE_SUFFIXES]  # as /api/info lists them
+    return node.call("mesh/upload", READ, {"files": sent, "formats": formats})
 
 
-def read_by_service(folder: Path, files: dict[str, bytes]) -> Preview:
+def read_description(folder: Path, files: dict[str, bytes]) -> SceneDescription:
     for name, data in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(data)
     shot = Shot(folder, pick_main(list(files))[0])
-    shown = preview(shot.scene_at(Moment(shot.start)), textured_vertices=0)  # the browser has the textures
+    return shot.scene_at(Moment(shot.start))
+
+
+def read_by_service(folder: Path, files: dict[str, bytes]) -> Preview:
+    shown = preview(read_description(folder, files), textured_vertices=0)  # the browser has the textures
     assert shown is not None
     return shown
 
@@ -102,6 +109,21 @@ def bytes_of(mesh: trimesh.Trimesh, kind: str) -> bytes:
     return data.encode() if isinstance(data, str) else bytes(data)
 
 
+@pytest.mark.parametrize("in_corner", [False, True])
+def test_camera_in_a_room_equals_that_of_service(node: Node, tmp_path: Path, in_corner: bool) -> None:
+    walls = trimesh.creation.box((8, 3, 6))
+    walls.invert()
+    thing = trimesh.creation.box((0.5, 0.5, 0.5))
+    thing.apply_translation((3.2, 0.3, 2.4) if in_corner else (0, -1, 0))
+    files = {"room.obj": bytes_of(trimesh.util.concatenate([walls, thing]), "obj")}
+    view = read_in_page(node, files)["view"]
+    service = read_description(tmp_path, files)
+    known = room_view(service, np.array([(-4, -1.5, -3), (4, 1.5, 3)]))
+    assert known is not None
+    for name in ("eye", "target", "up", "fov"):
+        np.testing.assert_allclose(view[name], getattr(known, name), atol=1e-3)
+
+
 PLY_ROWS = [(-1.0, 0.0, 0.5, 255, 0, 0), (1, 0, 0, 0, 255, 0), (1, 2, 0, 0, 0, 255), (-1, 2, -0.5, 10, 20, 30)]
 PLY_HEAD = """ply
 format {format} 1.0
@@ -143,6 +165,37 @@ def test_ply_of_each_byte_order_is_read(node: Node, tmp_path: Path, order: str) 
     colors = {tuple(row) for row in np.array(found["packet"]["colors"]).reshape(-1, 4).tolist()}
     assert colors == {tuple(row) for row in known.colors.tolist()} == {(*row[3:], 255) for row in PLY_ROWS}
     assert read_in_page(node, {"polygon.ply": (head + data)[:-6]}) is None, "cut off"
+
+
+CLOUD = np.random.default_rng(8).normal(size=(300, 3)).astype("<f4")
+
+
+@pytest.mark.parametrize("kind", ["rgb", "splats", "plain"])
+def test_points_are_drawn_where_the_service_has_them(node: Node, tmp_path: Path, kind: str) -> None:
+    """Points are octahedra of the service's colours, size and camera; 3D Gaussians have -Y up."""
+    names = {"rgb": ("red", "green", "blue"), "splats": ("f_dc_0", "f_dc_1", "f_dc_2"), "plain": ()}[kind]
+    rows = np.zeros(len(CLOUD), [("place", "<f4", 3), ("color", "u1" if kind == "rgb" else "<f4", len(names))])
+    rows["place"] = CLOUD
+    rows["color"] = 200 * (CLOUD > 0) if kind == "rgb" else CLOUD[:, : len(names)]
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 300\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    head += "".join(f"property {'uchar' if kind == 'rgb' else 'float'} {name}\n" for name in names) + "end_header\n"
+    files = {"cloud.ply": head.encode() + rows.tobytes()}
+    found, known = read_in_page(node, files), read_by_service(tmp_path, files)
+    packet, size = found["packet"], float(np.ptp(known.positions))
+    assert found["isWhole"]
+    assert packet["triangles"] == 8 * len(CLOUD)
+    np.testing.assert_allclose(packet["low"], known.positions.min(axis=0), atol=2e-2 * size)
+    np.testing.assert_allclose(packet["high"], known.positions.max(axis=0), atol=2e-2 * size)
+    camera = frame(known.positions)
+    for name in ("eye", "target", "up", "fov"):
+        np.testing.assert_allclose(found["view"][name], getattr(camera, name), atol=5e-2 * size)
+    low, high = np.array(packet["low"]), np.array(packet["high"])
+    corners = low + np.array(packet["positions"]).reshape(-1, 6, 4)[..., :3] / 65535 * (high - low)
+    middles = CLOUD * [1, -1, -1] if kind == "splats" else CLOUD
+    np.testing.assert_allclose(corners.mean(axis=1), middles, atol=1e-3 * size)
+    colors = np.array(packet["colors"]).reshape(-1, 4)
+    assert {tuple(row) for row in colors.tolist()} == {tuple(row) for row in known.colors.tolist()}
 
 
 QUADS = """# two quads that meet at an edge, one of each material \\
@@ -212,6 +265,19 @@ def test_only_image_beside_an_obj_without_materials_is_its_texture(node: Node, t
     found = read_in_page(node, {"spot.zip": archive.getvalue()})
     assert bytes(found["images"][0]) == wood
     assert found["isWhole"]
+
+
+def test_zip_in_a_zip_is_read(node: Node, wood: bytes) -> None:
+    inner, outer = io.BytesIO(), io.BytesIO()
+    with zipfile.ZipFile(inner, "w") as made:
+        made.writestr("quads.obj", QUADS)
+        made.writestr("paint box.mtl", PAINT)
+    with zipfile.ZipFile(outer, "w", zipfile.ZIP_DEFLATED) as made:
+        made.writestr("source/quads.zip", inner.getvalue())
+        made.writestr("textures/my wood.png", wood)
+    found = read_in_page(node, {"model.zip": outer.getvalue()})
+    assert found["packet"]["triangles"] == 4
+    assert bytes(found["images"][0]) == wood
 
 
 FBX = ROOT / "tests" / "data" / "fbx"

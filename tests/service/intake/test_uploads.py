@@ -107,6 +107,28 @@ def test_archive_names_its_scene(service: Service) -> None:
     assert post(service, [("a.zip", zip_bytes({"wood.png": b"w"})), ("b.obj", OBJ + b"# two")]).json()["name"] == "b"
 
 
+def test_zip_in_a_zip_without_scene_is_unpacked(service: Service) -> None:
+    """As many models are offered for download: source/NAME.zip, and textures beside."""
+    inner = zip_bytes({"cube.obj": OBJ, "__MACOSX/._cube.obj": b"x"})
+    answer = post(service, [("model.zip", zip_bytes({"source/cube.zip": inner, "textures/wood.png": b"wood"}))])
+    assert files_of(service, answer) == {"source/cube/cube.obj": OBJ, "textures/wood.png": b"wood"}
+    assert answer.json()["main"] == "source/cube/cube.obj"
+    beside = post(service, [("model.zip", zip_bytes({"a.obj": OBJ, "source/cube.zip": inner}))])
+    assert files_of(service, beside) == {"a.obj": OBJ, "source/cube.zip": inner}, "the scene is there"
+    deep = post(service, [("model.zip", zip_bytes({"b.zip": zip_bytes({"c.zip": inner})}))])
+    assert deep.status_code == 422
+    assert "c.zip cannot be read here" in deep.json()["detail"]
+
+
+def test_zip_bomb_in_a_zip_is_rejected(service: Service) -> None:
+    bomb = zip_bytes({"a.obj": b"\0" * (20 << 20)})
+    before = stored(service)
+    answer = post(service, [("model.zip", zip_bytes({"inner.zip": bomb}))])
+    assert answer.status_code == 413
+    assert "inner.zip" in answer.json()["detail"]
+    assert stored(service) == before
+
+
 def test_equal_upload_gives_same_scene(service: Service) -> None:
     first = post(service, [("same.obj", OBJ + b"# same")])
     before = stored(service)

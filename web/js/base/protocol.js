@@ -15,6 +15,9 @@ export const EXACT = 2147483648;
 /** Likewise a tile with alpha. */
 export const ALPHA = 1073741824;
 
+/** The kind of a draft's packet, its second byte. */
+export const DRAFT_KIND = 6;
+
 /** Codes with which the service closes a WebSocket: what it is about is not there, or was deleted. */
 export const NOT_FOUND = 4404;
 export const GONE = 4410;
@@ -121,6 +124,37 @@ export function decodeViewTileHead(view, at = 0) {
     w: view.getUint16(at + 4, true),
     h: view.getUint16(at + 6, true),
     samples: view.getUint32(at + 8, true),
+  };
+}
+
+/**
+ * The head of a draft, a picture of a live view whose camera moves. A JPEG follows, which has no color profile.
+ *
+ * @typedef {object} DraftHead
+ * @property {number} id u32: the client's number of the view, modulo 2**32
+ * @property {number} seq u32: number that the client acknowledges, modulo 2**32
+ * @property {number} w u16: width of this picture
+ * @property {number} h u16: height of this picture
+ * @property {number} whole_w u16: width of the whole view
+ * @property {number} whole_h u16: height of the whole view
+ * @property {number} samples u32: samples per pixel
+ * @property {number} exposure f32: exposure of the JPEG's scale, in stops
+ */
+
+export const DRAFT_HEAD_BYTES = 26;
+
+/** @param {DataView} view @param {number} [at] @returns {DraftHead} */
+export function decodeDraftHead(view, at = 0) {
+  check(view, at, 1, 6, "draft");
+  return {
+    id: view.getUint32(at + 2, true),
+    seq: view.getUint32(at + 6, true),
+    w: view.getUint16(at + 10, true),
+    h: view.getUint16(at + 12, true),
+    whole_w: view.getUint16(at + 14, true),
+    whole_h: view.getUint16(at + 16, true),
+    samples: view.getUint32(at + 18, true),
+    exposure: view.getFloat32(at + 22, true),
   };
 }
 

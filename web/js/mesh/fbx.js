@@ -136,7 +136,8 @@ export async function readFbx(file, picture, most) {
   }
   const lamps = lampsOf(scene);
   const isLit = lamps.length > 0; // in a black world
-  return modelOf(parts, IDENTITY, isStill, most, { background: isLit ? [0, 0, 0] : null, lamps: isLit ? lamps : undefined, camera: (low, high) => cameraOf(scene, low, high) });
+  const isWhole = isStill && parts.some(({ image }) => image); // else its textures may be of types that only the service reads
+  return modelOf(parts, IDENTITY, isWhole, most, { background: isLit ? [0, 0, 0] : null, lamps: isLit ? lamps : undefined, camera: (low, high) => cameraOf(scene, low, high) });
 }
 
 /** @param {Properties} properties @param {string} name @param {number} otherwise @returns {number} */

@@ -5,6 +5,7 @@
  * has what is not read here, such as poses.
  */
 
+import { roomView } from "./room.js";
 import { MOST_TRIANGLES, decimated, frame, joined, orbitView } from "./shapes.js";
 import { pictureType } from "./files.js";
 import { IDENTITY, product } from "./matrix.js";
@@ -98,6 +99,7 @@ function meshOf(gltf, bin, beside, most) {
   const drawn = [];
   /** @type {Map<number, Picture>} */
   const pictures = new Map();
+  let isTextured = true; // KTX2 and others are read by the service alone
   for (const { primitive, matrix } of placed) {
     const material = gltf.materials?.[primitive.material];
     const surface = surfaceOf(gltf, material);
@@ -106,17 +108,18 @@ function meshOf(gltf, bin, beside, most) {
     if (!shape) continue;
     const picture = surface && shape.uvs && (pictures.get(surface.image) ?? beside.get(surface.image) ?? pictureOf(gltf, bin, surface.image));
     if (picture) pictures.set(surface.image, picture);
+    isTextured &&= (Boolean(picture) || !material?.pbrMetallicRoughness?.baseColorTexture) && !material?.extensions?.KHR_materials_pbrSpecularGlossiness;
     const image = picture ? [...pictures.keys()].indexOf(surface.image) : -1;
     drawn.push({ shape, matrix, color: colorOf(material), image, cutoff: picture ? surface.cutoff : 0 });
   }
   if (!drawn.length) return null;
-  const isLit = (gltf.extensions?.KHR_lights_punctual?.lights ?? []).length > 0; // in a black world
+  const isLit = (gltf.extensions?.KHR_lights_punctual?.lights ?? []).some(shines); // in a black world
   const found = joined(drawn, isLit ? [0, 0, 0] : null);
   if (!found) return null;
   const { packet, places } = found;
   if (isLit) packet.lamps = lampsOf(gltf, packet.low, packet.high);
-  const isWhole = drawn.length === all.length && !(gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights) && !gltf.extensions?.KHR_materials_variants;
-  return { packet, view: fileCamera(gltf, packet.low, packet.high) ?? frame(places), isWhole, images: [...pictures.values()] };
+  const isWhole = isTextured && drawn.length === all.length && !(gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights) && !gltf.extensions?.KHR_materials_variants;
+  return { packet, view: fileCamera(gltf, packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images: [...pictures.values()] };
 }
 
 /** Returns a material's base colour texture. @param {any} gltf @param {any} material @returns {Surface | null} */
@@ -272,6 +275,9 @@ function colorOf(material) {
   const linear = Math.max(...emitted) > 0 && !material.emissiveTexture ? emitted : base;
   return [...coded(linear.slice(0, 3)), isUnshaded ? 0 : 255];
 }
+
+/** Whether a light is not black. @param {{color?: number[], intensity?: number}} light */
+const shines = ({ color = [1, 1, 1], intensity = 1 }) => intensity * Math.max(...color) > 0;
 
 /** Returns the file's lamps, spots like points. @param {any} gltf @param {Vec3} low @param {Vec3} high @returns {import("./shapes.js").Lamp[]} */
 function lampsOf(gltf, low, high) {

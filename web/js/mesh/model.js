@@ -1,6 +1,7 @@
 /** Makes a preview of the shapes of a file: decimates them, computes missing normals, turns them upright, and frames them. */
 
 import { MOST_TRIANGLES, decimated, encoded, frame, joined } from "./shapes.js";
+import { roomView } from "./room.js";
 import { smoothed } from "./smooth.js";
 import { uprightMatrix } from "./up-axis.js";
 
@@ -20,7 +21,7 @@ export const coded = (linear) => linear.map((value) => Math.round(255 * encoded(
 
 /**
  * @param {Part[]} parts
- * @param {"y" | "z" | number[]} up the format's conventional up axis, or the matrix by which the file becomes Y up
+ * @param {"y" | "z" | "-y" | number[]} up the format's conventional up axis, or the matrix by which the file becomes Y up
  * @param {boolean} isWhole whether the service would show the same materials
  * @param {number} [most] triangles, about
  * @param {{background?: Vec3 | null, lamps?: import("./shapes.js").Lamp[], camera?: (low: Vec3, high: Vec3) => import("../base/types.js").View | null}} [own] the file's own world, as in MeshPacket, and camera
@@ -41,7 +42,7 @@ export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES, { background 
   if (!found) return null;
   const { packet, places } = found;
   if (lamps) packet.lamps = lamps;
-  return { packet, view: camera?.(packet.low, packet.high) ?? frame(places), isWhole, images };
+  return { packet, view: camera?.(packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images };
 }
 
 /** Returns whether all indices are below a limit. @param {Uint32Array} indices @param {number} limit */

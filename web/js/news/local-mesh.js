@@ -10,7 +10,7 @@ const MOST_BYTES = 512 * 1024 * 1024;
 /** Uploads that take longer to read, in milliseconds, are left to the service: also a small file may be made to take very long. */
 const MOST_MS = 30_000;
 /** Files that the page reads itself, or may find in an archive. */
-const READ_HERE = /\.(fbx|glb|gltf|obj|ply|stl|zip)$/i;
+const READ_HERE = /\.(fbx|glb|gltf|obj|ply|stl|vrm|zip)$/i;
 
 /** @type {{scene: string, mesh: Promise<LocalMesh | null>} | null} */
 let latest = null;

@@ -19,7 +19,7 @@ import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
 import { clarity, clarityField } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
-import { MeshCanvas } from "./mesh-canvas.js";
+import { takeMesh } from "./mesh-relay.js";
 import { people } from "./people.js";
 import { probe } from "./probe.js";
 import { denoiseView } from "./denoise-view.js";
@@ -45,8 +45,8 @@ import { t, tn } from "../base/words.js";
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("./view-link.js").Picked} Picked */
 
-/** Maximum number of pixels rendered, whatever the screen's size. */
-const MOST_PIXELS = 1 << 20;
+/** Maximum number of pixels rendered, whatever the screen's size; and where graphics cards make drafts. */
+const [MOST_PIXELS, MOST_PIXELS_OF_CARDS] = [1 << 20, 1 << 21];
 const LEAST_SIDE = 16;
 /** Longer sides, in pixels, of a take's picture, and of the one that is shown when the view is opened again. */
 const [TAKE_SIDE, CLEAR_SIDE] = [320, 1280];
@@ -91,7 +91,10 @@ const HAND_KEYS = [
 export function liveView(scene, form, meanwhile, turned, sides, names) {
   const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
   const over = h("canvas", { hidden: true });
-  const meshed = h("canvas", { class: "mesh", "aria-hidden": "true", hidden: true });
+  const mesh = takeMesh(scene.id);
+  const meshed = mesh.canvas;
+  meshed.ariaHidden = "true";
+  meshed.hidden = true;
   const surface = h(
     "div",
     {
@@ -131,6 +134,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     picture = new FilmCanvas(canvas, over, viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
+    mesh.dispose();
     return { element: h("p", { class: "notice" }, error.message), takes: null, refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), firstLook: () => ({ film: new Film(1, 1), isSame: false, clean: "" }) };
   }
   /** The fields of the form's request that a view reads. */
@@ -144,7 +148,6 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   // A previous picture of the scene, or its preview mesh, until the first samples arrive.
   const known = clearView(scene.id, JSON.stringify(viewRequest()));
   if (known) meanwhile = { url: known, nearest: "", isFinished: true, isSame: true };
-  const mesh = new MeshCanvas(meshed);
   mesh.setScene(scene);
   let isSampled = false;
   const showMesh = () => {
@@ -176,6 +179,15 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const below = [meanwhile.url, meanwhile.nearest].filter(Boolean).map((url) => `url("${url}")`);
   if (hasAlpha) below.push("var(--squares-image)");
   surface.style.backgroundImage = below.join(", ");
+  /** Shows the mesh that was drawn while the scene was prepared. */
+  const showPassedMesh = () => {
+    if (isSampled || !mesh.mesh) return;
+    mesh.setView(form.view());
+    meshed.hidden = false;
+    surface.style.backgroundImage = "";
+    canvas.classList.add("held-back"); // the first samples are coarser than the mesh
+  };
+  if (hasMeshFirst) showPassedMesh();
   /** Removes what is shown until samples come, once they cover it. */
   const uncover = () => {
     uncovering = undefined;
@@ -337,6 +349,18 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let lookedAt = -Infinity;
   /** When the view had MESH_SPP samples per pixel; 0: not yet. */
   let sampledAt = 0;
+  /** Maximum number of pixels of the next request. */
+  let mostPixels = MOST_PIXELS;
+  /** Shows a picture or draft that has come. */
+  const sampled = () => {
+    if (!isSampled) {
+      isSampled = true;
+      loadMesh();
+      if (state.textContent === clarity(0, null, false)) say("", false); // the counts come with the next message
+    }
+    if (!canvas.classList.contains("held-back")) uncoverSoon();
+    picture.invalidate();
+  };
   /** Id of the latest view that was clear. @type {number | null} */
   let clearId = null;
   /** Id of the latest view that had MESH_SPP samples per pixel. @type {number | null} */
@@ -348,8 +372,20 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       lights.set(id, askedLight);
       for (const each of [views, lights]) each.delete(id - MOST_VIEWS);
     },
+    draft({ id, draft, exposure: draftExposure }) {
+      if (canvas.width !== draft.width || canvas.height !== draft.height) fit(draft.width, draft.height);
+      picture.layers[0].setAlpha(null);
+      picture.layers[0].setImage(draft, draftExposure);
+      mostPixels = MOST_PIXELS_OF_CARDS;
+      surface.dataset.draft = String(id);
+      setDenoised(false);
+      sampled();
+    },
     picture(next) {
+      if (surface.dataset.draft !== String(next.id)) mostPixels = MOST_PIXELS;
       film.take(next);
+      if (canvas.width !== next.width || canvas.height !== next.height) fit(next.width, next.height); // a draft had another size
+      picture.layers[0].setFilm(film.film);
       picture.layers[0].setCoverage(film.film);
       if (performance.now() - lookedAt > DARKNESS_MS) {
         lookedAt = performance.now();
@@ -358,13 +394,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       if (surface.dataset.view !== String(next.id)) setDenoised(false); // until the state says so
       surface.dataset.view = String(next.id);
       canvas.classList.toggle("outdated", isOutdated());
-      if (!isSampled) {
-        isSampled = true;
-        loadMesh();
-        if (state.textContent === clarity(0, null, false)) say("", false); // the counts come with the next message
-      }
-      if (!canvas.classList.contains("held-back")) uncoverSoon();
-      picture.invalidate();
+      sampled();
     },
     state(next) {
       const { samples, bound, mean, noise, done, slots, message } = next;
@@ -439,7 +469,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const seen = JSON.stringify({ ...request, view: null, camera: null, width: null, height: null });
     isChanged ||= seen !== (firstShown ??= seen);
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
-    const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
+    const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide, mostPixels);
     const wanted = { ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true };
     const sent = JSON.stringify(wanted);
     if (sent !== lastAsked?.sent) {
@@ -449,7 +479,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       askedView = form.view();
       askedLight = JSON.stringify(request["environment"] ?? null);
       endProbe();
-      link.show(wanted);
+      const drafts = instead.isOpen ? {} : { draft: exposure.valueAsNumber }; // whose values a stage cannot compare
+      link.show({ ...wanted, ...drafts });
       canvas.classList.toggle("outdated", isOutdated());
     }
     if (isCovered) mesh.setView(form.view());
@@ -466,7 +497,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   /** @param {View} view */
   const turnTo = (view) => {
     form.turn(view);
-    showMesh(); // a previous picture is of another view
+    showPassedMesh(); // a previous picture is of another view
+    showMesh();
     refresh();
     turned(view);
   };
@@ -743,7 +775,7 @@ function pictureUrl(picture, canvas, side) {
 /**
  * Returns a preview mesh before its background as the URL of a JPEG.
  *
- * @param {MeshCanvas} mesh
+ * @param {import("./mesh-canvas.js").MeshCanvas} mesh
  * @param {HTMLCanvasElement} canvas of the mesh
  */
 function meshPicture(mesh, canvas) {
@@ -767,10 +799,11 @@ function meshPicture(mesh, canvas) {
  * @param {number} width of the requested picture
  * @param {number} height
  * @param {number} wide the view, in CSS pixels; 0: not known yet
+ * @param {number} mostPixels
  */
-function sizeFor(width, height, wide) {
+function sizeFor(width, height, wide, mostPixels) {
   const most = Math.max(LEAST_SIDE, (wide || 320) * Math.min(devicePixelRatio, 2));
-  const scale = Math.min(most / width, Math.sqrt(MOST_PIXELS / (width * height)));
+  const scale = Math.min(most / width, Math.sqrt(mostPixels / (width * height)));
   return { width: Math.max(1, Math.round(width * scale)), height: Math.max(1, Math.round(height * scale)) };
 }
 

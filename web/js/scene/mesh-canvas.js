@@ -150,9 +150,17 @@ export class MeshCanvas {
     this.resizing.observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
-      this.projector = null; // its programs were lost too
+      this.projector = this.program = null; // its programs were lost too
       if (this.mesh) this.setMesh(this.mesh);
     });
+  }
+
+  /** Compiles the programs, before the first mesh if there is time. */
+  compile() {
+    const { gl } = this;
+    if (!gl || this.program || gl.isContextLost()) return;
+    this.program = programOf(gl, VERTEX, FRAGMENT);
+    this.shadow = programOf(gl, SHADOW_VERTEX, SHADOW_FRAGMENT);
   }
 
   /** @param {MeshPacket} mesh */
@@ -160,13 +168,11 @@ export class MeshCanvas {
     const { gl } = this;
     this.mesh = mesh;
     this.release();
-    if (!gl || gl.isContextLost()) return;
-    const program = programOf(gl, VERTEX, FRAGMENT);
-    if (!program) return; // the picture comes without a preview
-    this.shadow = programOf(gl, SHADOW_VERTEX, SHADOW_FRAGMENT);
+    this.compile();
+    const { program } = this;
+    if (!gl || gl.isContextLost() || !program) return; // the picture comes without a preview
     const { background } = mesh;
     this.canvas.style.background = background ? `rgb(${background.join(" ")})` : "";
-    this.program = program;
     gl.useProgram(program);
     gl.enable(gl.DEPTH_TEST);
     for (const each of this.buffers.splice(0)) gl.deleteBuffer(each); // of an earlier mesh

@@ -12,10 +12,10 @@ let latest = null;
 /** How long the service's mesh waits for what this page reads, in milliseconds. */
 const WAITED_MS = 3000;
 
-/** Returns a scene's mesh: what this page read with textures, or else the service's, which is fetched once. @param {string} scene its id @returns {Promise<MeshPacket>} */
+/** Returns a scene's mesh: what this page read, if it shows all that the service's does, or else that one, which is fetched once. @param {string} scene its id @returns {Promise<MeshPacket>} */
 export function meshOf(scene) {
   if (latest?.scene !== scene) {
-    latest = { scene, mesh: Promise.race([localMeshOf(scene), late()]).then((local) => (local?.isWhole && local.packet.textures?.length ? local.packet : fetched(scene, local?.packet))) };
+    latest = { scene, mesh: Promise.race([localMeshOf(scene), late()]).then((local) => (local?.isWhole ? local.packet : fetched(scene, local?.packet))) };
     latest.mesh.catch(() => (latest = null));
   }
   return latest.mesh;

@@ -26,7 +26,7 @@ import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { prepareSteps, stepOf } from "../scene/prepare-steps.js";
 import { preparingView } from "../scene/preparing-view.js";
-import { takeTurned } from "../scene/preview-mesh.js";
+import { meshOf, takeTurned } from "../scene/preview-mesh.js";
 import { renderStrip } from "../scene/render-strip.js";
 import { stepWords, warnings } from "../scene/scene-notices.js";
 import { sidesFromUrl } from "../scene/sides.js";
@@ -62,7 +62,10 @@ export function sceneView(id) {
       const scene = all?.find((candidate) => candidate.id === id);
       if (scene) {
         if (part?.status !== scene.status) {
-          if (part && scene.status === "ready") announce(t("{name} is ready to render", { name: scene.name }));
+          if (part && scene.status === "ready") {
+            announce(t("{name} is ready to render", { name: scene.name }));
+            if (scene.preview) meshOf(id).catch(() => {}); // fetched while the view is built, which asks for it
+          }
           offer(element, scene.project);
           own.dispose();
           part = { status: scene.status, update: { preparing, failed, ready }[scene.status](element, scene, own) };
