@@ -221,9 +221,17 @@ def render(
 
 
 def _print_darkness_note(picture: F32, output: Path, exposure: float) -> None:
-    """Prints a note if a tone-mapped picture looks black, with the exposure that makes it visible."""
+    """Prints a note if a tone-mapped picture is black, or looks so, then with the exposure that makes it visible."""
     from renderer.image.darkness import darkness
 
+    if output.suffix.lower() not in LINEAR and not picture.any():
+        err.print(
+            "note: The picture is black: the camera sees nothing, or no light reaches what it sees. "
+            "--camera auto frames the scene; --env studio lights it.",
+            markup=False,
+            soft_wrap=True,
+        )
+        return
     if output.suffix.lower() in LINEAR or (dark := darkness(picture * 2.0**exposure)) is None:
         return
     brightest = dark.brightest / 2.0**exposure
