@@ -9,12 +9,12 @@ import tempfile
 import unicodedata
 import zipfile
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from urllib.parse import quote
 
 from rayfarm.console import err
 from rayfarm.errors import CommandError
-from renderer.formats import ARCHIVE_SUFFIXES, COLOR_CONFIG, NAMING_SUFFIXES, SCENE_SUFFIXES, is_junk, pick_main
+from renderer.formats import ARCHIVE_SUFFIXES, COLOR_CONFIG, NAMING_SUFFIXES, SCENE_SUFFIXES, is_junk, nested_archives, pick_main
 from renderer.frames import frame_name, numbers_of
 from renderer.zip_names import entry_names
 from renderer.zips import DAMAGED
@@ -84,6 +84,10 @@ def opened_scene(
         if scene.suffix.lower() in ARCHIVE_SUFFIXES:
             folder = scratch()
             names = _unpack(scene, folder)
+            for nested in nested_archives(names):
+                inner = PurePosixPath(nested).with_suffix("")
+                names += [f"{inner}/{name}" for name in _unpack(folder / nested, folder / inner)]
+                names.remove(nested)
         elif environment is not None:
             folder = scratch()
             for name, path in files_to_upload(scene, root).items():

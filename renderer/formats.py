@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import PurePosixPath
 from typing import NamedTuple
 
@@ -22,6 +23,7 @@ __all__ = [
     "WITHOUT_BLENDER",
     "Format",
     "is_junk",
+    "nested_archives",
     "pick_main",
 ]
 
@@ -109,6 +111,17 @@ def is_junk(name: str) -> bool:
     return any(part.startswith(".") or part in ("__MACOSX", "Thumbs.db", "desktop.ini") for part in parts)
 
 
+def nested_archives(names: Iterable[str]) -> list[str]:
+    """Returns the zip files among an upload's files that are unpacked too: all of them if no file is a scene.
+
+    Models are offered for download like that, as source/NAME.zip beside textures/. The contents belong in the folder source/NAME.
+    """
+    known = [(name, PurePosixPath(name).suffix.lower()) for name in names if not is_junk(name)]
+    if any(suffix in SCENE_SUFFIXES for _, suffix in known):
+        return []
+    return sorted(name for name, suffix in known if suffix in ARCHIVE_SUFFIXES)
+
+
 def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list[str]]:
     """Returns the main scene file among the names, and warnings if other names could have been meant.
 
@@ -128,7 +141,7 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
     if not found:
         for name in sorted(names):
             suffix = PurePosixPath(name).suffix.lower()
-            if advice := _UNPACK if suffix == ".zip" else FOREIGN.get(suffix):  # a .zip inside another is not unpacked
+            if advice := _UNPACK if suffix == ".zip" else FOREIGN.get(suffix):  # a .zip inside two others is not unpacked
                 shown = name[:200]
                 raise SceneError(
                     Sentence("format-not-readable", "{name} cannot be read here. {advice}.", name=shown, advice=advice)

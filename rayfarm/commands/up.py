@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shlex
 import ssl
+import sys
 import time
 import webbrowser
 from collections.abc import Callable
@@ -23,7 +25,7 @@ from rayfarm.machine import StopSignals, cores, has_screen
 if TYPE_CHECKING:
     from rayfarm.local.farm import LocalFarm, Tls
 
-__all__ = ["register"]
+__all__ = ["open_command", "register"]
 
 COMPILING_S = 600.0
 NOTE_AFTER_S = 5.0  # kernels from the cache are ready before
@@ -109,6 +111,7 @@ def up(
             tls,
             program_for(blender, blender_program, print_progress),
             gpu,
+            open_command(sys.argv[1:]),
         )
         try:
             farm.start(signals.stop)
@@ -164,17 +167,32 @@ def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
     return Tls(certificate.resolve(), key.resolve())
 
 
+def open_command(arguments: list[str]) -> str:
+    """Returns the shell command that starts this farm so that other machines reach it. arguments: those of this process."""
+    kept, is_value = [], False
+    for each in arguments:
+        if not is_value and each != "--host" and not each.startswith("--host="):
+            kept.append(each)
+        is_value = each == "--host"
+    folder = os.environ.get("RAYFARM_DATA")
+    variable = f"RAYFARM_DATA={shlex.quote(folder)} " if folder else ""
+    return f"{variable}{PROGRAM} {shlex.join([*kept, '--host', '0.0.0.0'])}"
+
+
 def _summary(farm: LocalFarm, folder: Path) -> None:
+    from service.joining import data_variable
+
     def line(title: str, text: str) -> None:
         out.print(f"  {title:<15} {text}", markup=False, soft_wrap=True)
 
     out.print(f"\n[bold]Rayfarm[/bold] is up at [bold]{farm.url}[/bold]\n")
     if (link := farm.login_link(farm.public_url)) is not None:
         line("Log in", link)
-        line("", f"(works once, for a day; `{PROGRAM} user link` prints another, `{PROGRAM} user add` lets others in)")
+        program = f"{data_variable(folder)}{PROGRAM}"
+        line("", f"(works once, for a day; `{program} user link` prints another, `{program} user add` lets others in)")
     line("API", f"{farm.url}/docs/")
     if farm.host in LOOPBACK:
-        line("Add a machine", "start with --host 0.0.0.0, which prints the command for it")
+        line("Add a machine", f"{farm.open_command}, which prints the command for it")
     else:
         line("Add a machine", f"RAYFARM_TOKEN={farm.secrets.token} {PROGRAM} worker --join {farm.public_url}")
     line("Data and logs", f"{folder}\n")

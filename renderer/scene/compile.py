@@ -42,6 +42,7 @@ from renderer.scene.origin import origin_of, relative_to_origin
 from renderer.scene.pivots import list_pivots
 from renderer.scene.placed_bodies import PlacedGeometry, place_geometry
 from renderer.scene.punctual import tabulate_punctual
+from renderer.scene.room_camera import room_view
 from renderer.scene.scene_bvh import build_scene_bvh
 from renderer.scene.studio import WEAK_LIGHTS_WARNING, light_studio
 from renderer.scene.tangents import has_elliptic_fibres
@@ -340,9 +341,10 @@ def camera_names(description: SceneDescription) -> list[str]:
 def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.ndarray) -> list[dict[str, Any]]:
     """Returns the cameras in the form used by `summarise`.
 
-    bounds: (2, 3) corners of all geometry. points: (N, 3) that the camera "auto" frames.
+    bounds: (2, 3) corners of all geometry. points: (N, 3) that the camera "auto" frames, unless the scene is a room.
     """
-    cameras = [*_aimed_cameras(description, bounds), Camera(AUTO_CAMERA, frame(points, description.up))]
+    automatic = room_view(description, bounds) or frame(points, description.up)
+    cameras = [*_aimed_cameras(description, bounds), Camera(AUTO_CAMERA, automatic)]
     return [_camera_dict(camera) for camera in cameras]
 
 

@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 
 from protocol.contract import BlobRef
 from renderer.errors import SceneError
-from renderer.formats import ARCHIVE_SUFFIXES, FORMATS, UP_AXES, is_junk, pick_main
+from renderer.formats import ARCHIVE_SUFFIXES, FORMATS, UP_AXES, is_junk, nested_archives, pick_main
 from renderer.frames import frame_name, numbers_of
 from renderer.presets import PRESETS
 from renderer.sentences import Sentence, first_items
@@ -148,7 +148,7 @@ def store_form(
         chosen = _strip_common_folder(files, main)
         if environment is not None and environment in files:
             environment = chosen.strip(environment)
-        name = title[:200] or _stated_name(chosen) or PurePosixPath(chosen.main).stem
+        name = title[:200] or _stated_name(chosen) or _archive_name(form) or PurePosixPath(chosen.main).stem
         with translated_disk_errors(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
             refs = _commit_files(chosen.files)
             up, floor = (
@@ -173,6 +173,17 @@ def _stated_name(chosen: _StrippedPaths) -> str:
     try:
         return plain_title(found[1])[:200] if found else ""
     except Invalid:  # for example with control characters
+        return ""
+
+
+def _archive_name(form: Form) -> str:
+    """Returns the name without suffix of the archive that is the whole upload; empty if the upload is something else."""
+    names = [PurePosixPath(safe_name(name)) for name, _ in form.files if name and not is_junk(safe_name(name))]
+    if len(names) != 1 or names[0].suffix.lower() not in ARCHIVE_SUFFIXES:
+        return ""
+    try:
+        return plain_title(names[0].stem)[:200]
+    except Invalid:
         return ""
 
 
@@ -419,9 +430,23 @@ def _refuse_files_as_folders(names: Iterable[str]) -> None:
 def _expand_archives(
     form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None], notes: list[str]
 ) -> list[tuple[str, BlobWriter]]:
-    """Returns the form's files with archives replaced by their contents, without junk files."""
+    """Returns the form's files with archives replaced by their contents, without junk files.
+
+    If there is no scene among them, archives that were in archives are replaced too.
+    """
     found: list[tuple[str, BlobWriter]] = []
     left_files, left_bytes = settings.max_upload_files, settings.max_unzipped_bytes
+
+    def expand(path: str, writer: BlobWriter, folder: str = "") -> None:
+        nonlocal left_files, left_bytes
+        for name, made in extract_archive(
+            writer.rewind(), path, store, left_files, left_bytes, settings.max_unzip_ratio, check_disk, notes
+        ):
+            found.append((folder + name, made))
+            left_files -= 1
+            left_bytes -= made.size
+        writer.discard()  # all its content is stored separately by now
+
     try:
         for name, writer in form.files:
             if not name and writer.size == 0:
@@ -432,14 +457,11 @@ def _expand_archives(
             if PurePosixPath(path).suffix.lower() not in ARCHIVE_SUFFIXES:
                 found.append((path, writer))
                 continue
-            archive = extract_archive(
-                writer.rewind(), path, store, left_files, left_bytes, settings.max_unzip_ratio, check_disk, notes
-            )
-            for entry in archive:
-                found.append(entry)
-                left_files -= 1
-                left_bytes -= entry[1].size
-            writer.discard()  # all its content is stored separately by now
+            expand(path, writer)
+        for path in nested_archives([name for name, _ in found]):
+            number = next(i for i, (name, _) in enumerate(found) if name == path)
+            expand(path, found[number][1], f"{PurePosixPath(path).with_suffix('')}/")
+            del found[number]
     except BaseException:
         for _, writer in found:
             writer.discard()

@@ -139,9 +139,9 @@ def thumbnail(id: str, request: Request, farm: FarmDependency) -> Response:
 
 @router.get("/{id}/preview", response_class=Response, responses={200: PREVIEW, 304: {"description": "not changed"}})
 def preview(id: str, request: Request, farm: FarmDependency) -> Response:
-    """Returns at most about a million of the scene's triangles, once a worker has read the scene. Layout: protocol/mesh.py."""
+    """Returns a mesh of the scene with its materials, once a worker has read the files. Layout: protocol/mesh.py."""
+    progress = farm.engine.snapshot.preparing.get(id)  # first: it ends once the scene's own row has the preview
     scene = find_scene(id, farm)
-    progress = farm.engine.snapshot.preparing.get(id)
     ref = (scene.info or {}).get("preview") or (asdict(progress.preview.preview) if progress and progress.preview else None)
     if not ref:
         raise NotFound(Sentence("scene-without-preview", "This scene has no preview yet."))

@@ -13,6 +13,7 @@ from renderer.frames import parse_frames
 from service.access.keys import Share
 from service.access.roles import OWNER, Role
 from service.farm import Farm
+from service.http.curve_name import CurveName
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
 from service.http.share_links import ShareDependency, may_comment
@@ -22,7 +23,7 @@ from service.jobs.lookup import find_job
 from service.models.jobs import JobState
 from service.models.notes import ReviewOut
 from service.routes import frames
-from service.store.models import Key
+from service.store.models import FINAL_STATES, Key
 
 __all__ = ["router"]
 
@@ -31,6 +32,7 @@ router = api_router(prefix="/api", tags=["jobs"])
 DAY_S = 86400.0
 MAX_DAYS = 365
 PAGE = "shared/"
+DENOISE_HELP = "denoised; waits for a worker. While the job renders, the picture is a preview: see `preview` of a job's image"
 
 Permission = Literal["view", "comment"]
 
@@ -117,11 +119,22 @@ async def get_shared_image(
     farm: FarmDependency,
     visit: VisitDependency,
     frame: Annotated[float, Query(allow_inf_nan=False, description="number of the frame")] = 0.0,
+    denoise: Annotated[bool, Query(description=DENOISE_HELP)] = False,
+    exposure: Annotated[float, Query(ge=-32, le=32, allow_inf_nan=False, description="stops")] = 0.0,
+    tonemap_curve: CurveName = "neutral",
+    mix: Annotated[str, Query(max_length=4000, description=frames.MIX_HELP)] = "",
 ) -> Response:
     """Returns the picture, as rendered so far, of the job that a link shows. The link's secret is sent as the bearer token."""
     job = await run_in_threadpool(_shared_job, share, farm)
     number = frame if frame in job.frames else job.frames[0]
-    answer = await frames.image(share.job, number, extension, request, farm, visit)
+    answer = await frames.image(
+        *(share.job, number, extension, request, farm, visit),
+        denoise=denoise,
+        preview=denoise and job.state not in FINAL_STATES,
+        exposure=exposure,
+        tonemap_curve=tonemap_curve,
+        mix=mix,
+    )
     answer.headers["Cache-Control"] = "no-store"
     return answer
 

@@ -6,6 +6,7 @@ import base64
 import io
 import json
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,28 +15,29 @@ import pytest
 import trimesh
 from PIL import Image
 
+from renderer.preview_mesh import PreviewMesh
 from renderer.scene.animation import Moment
 from renderer.scene.default_camera import frame
 from renderer.scene.load import Shot
-from renderer.scene.preview import Preview, preview
+from renderer.scene.preview import preview
 from tests.page.node import Node
 
 READ = """
     const known = m.readGlb(Uint8Array.from(atob(a.file), (c) => c.charCodeAt(0)), a.most ?? 300000);
     if (!known) return null;
-    const { packet, view, images } = known;
+    const { packet, view, isWhole, images } = known;
     const plain = Object.entries(packet).map(([name, value]) => [name, ArrayBuffer.isView(value) ? [...value] : value]);
-    return { packet: Object.fromEntries(plain), view, images: images.map(({ bytes }) => [...bytes]) };"""
+    return { packet: Object.fromEntries(plain), view, isWhole, images: images.map(({ bytes }) => [...bytes]) };"""
 
 
 def read_in_page(node: Node, data: bytes, most: int = 300_000) -> Any:
     return node.call("mesh/glb", READ, {"file": base64.b64encode(data).decode(), "most": most})
 
 
-def read_by_service(folder: Path, data: bytes) -> Preview:
+def read_by_service(folder: Path, data: bytes) -> PreviewMesh:
     (folder / "model.glb").write_bytes(data)
     shot = Shot(folder, "model.glb")
-    shown = preview(shot.scene_at(Moment(shot.start)), textured_vertices=0)  # the browser has the textures
+    shown = preview(shot.scene_at(Moment(shot.start)))
     assert shown is not None
     return shown
 
@@ -84,8 +86,9 @@ def test_textures_are_given_with_their_triangles(node: Node, model: bytes) -> No
     found = read_in_page(node, model)
     packet, images = found["packet"], found["images"]
     box, ball = packet["parts"]
-    assert (box["texture"], box["first"], box["count"]) == (0, 0, 36)
-    assert (ball["texture"], ball["first"], ball["count"]) == (-1, 36, 3 * packet["triangles"] - 36)
+    assert [packet["materials"][part["material"]]["texture"] for part in (box, ball)] == [0, -1]
+    assert (box["first"], box["corners"]) == (0, 36)
+    assert (ball["first"], ball["corners"]) == (36, 3 * packet["triangles"] - 36)
     uvs = np.array(packet["uvs"]).reshape(-1, 2)[sorted(set(packet["indices"][:36]))]
     assert {tuple(uv) for uv in uvs.tolist()} == {(x, 1 - y) for x in (-0.5, 0.5) for y in (-1, 1)}, "v goes down in glTF"
     with Image.open(io.BytesIO(bytes(images[0]))) as image:
@@ -153,19 +156,47 @@ def test_parts_of_one_table_of_vertices_are_drawn_by_texture(node: Node) -> None
     data = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", starts[-1], b"BIN\0") + b"".join(blobs)
     packet = read_in_page(node, struct.pack("<4s2I", b"glTF", 2, 12 + len(data)) + data)["packet"]
     assert packet["vertices"] == 9
-    assert [(part["texture"], part["count"]) for part in packet["parts"]] == [(0, 6), (-1, 3)]
+    assert [(packet["materials"][part["material"]]["texture"], part["corners"]) for part in packet["parts"]] == [(0, 6), (-1, 3)]
     found = positions(packet)[packet["indices"]]
     np.testing.assert_allclose(found, table[[0, 1, 2, 6, 7, 8, 3, 4, 5]], atol=1e-4)
 
 
-@pytest.mark.parametrize("perspective", [{}, {"yfov": 0}, {"yfov": 4}])
-def test_invalid_camera_is_left_out(node: Node, model: bytes, perspective: dict[str, float]) -> None:
-    (length,) = struct.unpack_from("<I", model, 12)
-    gltf = json.loads(model[20 : 20 + length])
-    gltf["cameras"] = [{"type": "perspective", "perspective": perspective}]
-    gltf["nodes"][0]["camera"] = 0
+def edited(glb: bytes, edit: Callable[[dict[str, Any]], None]) -> bytes:
+    """Returns a GLB file with an edited document."""
+    (length,) = struct.unpack_from("<I", glb, 12)
+    gltf = json.loads(glb[20 : 20 + length])
+    edit(gltf)
     text = json.dumps(gltf).encode()
     text += b" " * (-len(text) % 4)
-    data = struct.pack("<I4s", len(text), b"JSON") + text + model[20 + length :]
-    found = read_in_page(node, struct.pack("<4s2I", b"glTF", 2, 12 + len(data)) + data)
+    data = struct.pack("<I4s", len(text), b"JSON") + text + glb[20 + length :]
+    return struct.pack("<4s2I", b"glTF", 2, 12 + len(data)) + data
+
+
+def test_textures_of_other_types_are_left_to_the_service(node: Node, model: bytes) -> None:
+    def compress(gltf: dict[str, Any]) -> None:
+        gltf["textures"] = [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]
+
+    assert read_in_page(node, model)["isWhole"]
+    assert not read_in_page(node, edited(model, compress))["isWhole"]
+
+
+def test_black_lamps_leave_the_studio(node: Node, model: bytes) -> None:
+    def add(intensity: float) -> Callable[[dict[str, Any]], None]:
+        def edit(gltf: dict[str, Any]) -> None:
+            gltf["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": intensity}]}}
+            gltf["nodes"][0]["extensions"] = {"KHR_lights_punctual": {"light": 0}}
+
+        return edit
+
+    assert read_in_page(node, edited(model, add(0)))["packet"]["isStudio"]
+    assert not read_in_page(node, edited(model, add(5)))["packet"]["isStudio"]
+
+
+@pytest.mark.parametrize("perspective", [{}, {"yfov": 0}, {"yfov": 4}])
+def test_invalid_camera_is_left_out(node: Node, model: bytes, perspective: dict[str, float]) -> None:
+    def add(gltf: dict[str, Any]) -> None:
+        gltf["cameras"] = [{"type": "perspective", "perspective": perspective}]
+        gltf["nodes"][0]["camera"] = 0
+
+    found = read_in_page(node, edited(model, add))
     assert found["view"] == read_in_page(node, model)["view"]

@@ -16,11 +16,14 @@ import pytest
 import trimesh
 from PIL import Image
 
-from renderer.formats import SCENE_SUFFIXES, pick_main
+from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES, pick_main
+from renderer.preview_mesh import PreviewMesh
 from renderer.scene.animation import Moment
 from renderer.scene.default_camera import frame
+from renderer.scene.description import SceneDescription
 from renderer.scene.load import Shot
-from renderer.scene.preview import Preview, preview
+from renderer.scene.preview import preview
+from renderer.scene.room_camera import room_view
 from tests.helpers import ROOT
 from tests.page.node import Node
 
@@ -36,15 +39,20 @@ READ = """
 
 def read_in_page(node: Node, files: dict[str, bytes]) -> Any:
     sent = [(path, base64.b64encode(data).decode()) for path, data in files.items()]
-    return node.call("mesh/upload", READ, {"files": sent, "formats": list(SCENE_SUFFIXES)})
+    formats = [*SCENE_SUFFIXES, *ARCHIVE_SUFFIXES]  # as /api/info lists them
+    return node.call("mesh/upload", READ, {"files": sent, "formats": formats})
 
 
-def read_by_service(folder: Path, files: dict[str, bytes]) -> Preview:
+def read_description(folder: Path, files: dict[str, bytes]) -> SceneDescription:
     for name, data in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(data)
     shot = Shot(folder, pick_main(list(files))[0])
-    shown = preview(shot.scene_at(Moment(shot.start)), textured_vertices=0)  # the browser has the textures
+    return shot.scene_at(Moment(shot.start))
+
+
+def read_by_service(folder: Path, files: dict[str, bytes]) -> PreviewMesh:
+    shown = preview(read_description(folder, files))
     assert shown is not None
     return shown
 
@@ -68,7 +76,7 @@ def sorted_corners(
     return corners[order][pick], normals[triangles][order][pick]
 
 
-def expect_equal(found: Any, known: Preview) -> None:
+def expect_equal(found: Any, known: PreviewMesh) -> None:
     """The triangles, normals and camera of the page's preview equal those of the service's."""
     packet, view = found["packet"], found["view"]
     size = float(np.ptp(known.positions))
@@ -100,6 +108,21 @@ def test_mesh_and_camera_equal_those_of_service(node: Node, tmp_path: Path, kind
 def bytes_of(mesh: trimesh.Trimesh, kind: str) -> bytes:
     data = mesh.export(file_type=kind, **({"include_normals": False} if kind == "obj" else {}))
     return data.encode() if isinstance(data, str) else bytes(data)
+
+
+@pytest.mark.parametrize("in_corner", [False, True])
+def test_camera_in_a_room_equals_that_of_service(node: Node, tmp_path: Path, in_corner: bool) -> None:
+    walls = trimesh.creation.box((8, 3, 6))
+    walls.invert()
+    thing = trimesh.creation.box((0.5, 0.5, 0.5))
+    thing.apply_translation((3.2, 0.3, 2.4) if in_corner else (0, -1, 0))
+    files = {"room.obj": bytes_of(trimesh.util.concatenate([walls, thing]), "obj")}
+    view = read_in_page(node, files)["view"]
+    service = read_description(tmp_path, files)
+    known = room_view(service, np.array([(-4, -1.5, -3), (4, 1.5, 3)]))
+    assert known is not None
+    for name in ("eye", "target", "up", "fov"):
+        np.testing.assert_allclose(view[name], getattr(known, name), atol=1e-3)
 
 
 PLY_ROWS = [(-1.0, 0.0, 0.5, 255, 0, 0), (1, 0, 0, 0, 255, 0), (1, 2, 0, 0, 0, 255), (-1, 2, -0.5, 10, 20, 30)]
@@ -145,6 +168,37 @@ def test_ply_of_each_byte_order_is_read(node: Node, tmp_path: Path, order: str) 
     assert read_in_page(node, {"polygon.ply": (head + data)[:-6]}) is None, "cut off"
 
 
+CLOUD = np.random.default_rng(8).normal(size=(300, 3)).astype("<f4")
+
+
+@pytest.mark.parametrize("kind", ["rgb", "splats", "plain"])
+def test_points_are_drawn_where_the_service_has_them(node: Node, tmp_path: Path, kind: str) -> None:
+    """Points are octahedra of the service's colours, size and camera; 3D Gaussians have -Y up."""
+    names = {"rgb": ("red", "green", "blue"), "splats": ("f_dc_0", "f_dc_1", "f_dc_2"), "plain": ()}[kind]
+    rows = np.zeros(len(CLOUD), [("place", "<f4", 3), ("color", "u1" if kind == "rgb" else "<f4", len(names))])
+    rows["place"] = CLOUD
+    rows["color"] = 200 * (CLOUD > 0) if kind == "rgb" else CLOUD[:, : len(names)]
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 300\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    head += "".join(f"property {'uchar' if kind == 'rgb' else 'float'} {name}\n" for name in names) + "end_header\n"
+    files = {"cloud.ply": head.encode() + rows.tobytes()}
+    found, known = read_in_page(node, files), read_by_service(tmp_path, files)
+    packet, size = found["packet"], float(np.ptp(known.positions))
+    assert found["isWhole"]
+    assert packet["triangles"] == 8 * len(CLOUD)
+    np.testing.assert_allclose(packet["low"], known.positions.min(axis=0), atol=2e-2 * size)
+    np.testing.assert_allclose(packet["high"], known.positions.max(axis=0), atol=2e-2 * size)
+    camera = frame(known.positions)
+    for name in ("eye", "target", "up", "fov"):
+        np.testing.assert_allclose(found["view"][name], getattr(camera, name), atol=5e-2 * size)
+    low, high = np.array(packet["low"]), np.array(packet["high"])
+    corners = low + np.array(packet["positions"]).reshape(-1, 6, 4)[..., :3] / 65535 * (high - low)
+    middles = CLOUD * [1, -1, -1] if kind == "splats" else CLOUD
+    np.testing.assert_allclose(corners.mean(axis=1), middles, atol=1e-3 * size)
+    colors = np.array(packet["colors"]).reshape(-1, 4)
+    assert {tuple(row) for row in colors.tolist()} == {tuple(row) for row in known.colors.tolist()}
+
+
 QUADS = """# two quads that meet at an edge, one of each material \\
 mtllib paint box.mtl
 v -1 0 0
@@ -179,12 +233,15 @@ def test_obj_has_its_materials_and_textures(node: Node, tmp_path: Path, wood: by
     found = read_in_page(node, files)
     expect_equal(found, read_by_service(tmp_path, files))
     packet = found["packet"]
-    textured, plain = packet["parts"]
-    assert (textured["texture"], textured["count"], plain["texture"], plain["count"]) == (0, 6, -1, 6)
+    plain, textured = packet["parts"]
+    assert [(packet["materials"][part["material"]]["texture"], part["corners"]) for part in (plain, textured)] == [
+        (-1, 6),
+        (0, 6),
+    ]
     colors = np.array(packet["colors"]).reshape(-1, 4)
-    assert {tuple(row) for row in colors[packet["indices"][:6]].tolist()} == {(255, 255, 255, 255)}, "a black Kd beside a map"
-    assert {tuple(row) for row in colors[packet["indices"][6:]].tolist()} == {(255, 0, 0, 255)}
-    uvs = np.array(packet["uvs"]).reshape(-1, 2)[packet["indices"][:6]]
+    assert {tuple(row) for row in colors[packet["indices"][6:]].tolist()} == {(255, 255, 255, 255)}, "a black Kd beside a map"
+    assert {tuple(row) for row in colors[packet["indices"][:6]].tolist()} == {(255, 0, 0, 255)}
+    uvs = np.array(packet["uvs"]).reshape(-1, 2)[packet["indices"][6:]]
     assert {tuple(uv) for uv in uvs.tolist()} == {(0, 0), (1, 0), (1, 1), (0, 1)}
     assert bytes(found["images"][0]) == wood
 
@@ -214,6 +271,19 @@ def test_only_image_beside_an_obj_without_materials_is_its_texture(node: Node, t
     assert found["isWhole"]
 
 
+def test_zip_in_a_zip_is_read(node: Node, wood: bytes) -> None:
+    inner, outer = io.BytesIO(), io.BytesIO()
+    with zipfile.ZipFile(inner, "w") as made:
+        made.writestr("quads.obj", QUADS)
+        made.writestr("paint box.mtl", PAINT)
+    with zipfile.ZipFile(outer, "w", zipfile.ZIP_DEFLATED) as made:
+        made.writestr("source/quads.zip", inner.getvalue())
+        made.writestr("textures/my wood.png", wood)
+    found = read_in_page(node, {"model.zip": outer.getvalue()})
+    assert found["packet"]["triangles"] == 4
+    assert bytes(found["images"][0]) == wood
+
+
 FBX = ROOT / "tests" / "data" / "fbx"
 Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's axes
 
@@ -229,14 +299,95 @@ def test_fbx_vertices_match_blender(node: Node) -> None:
     wanted = np.concatenate([each["vertices"] for each in meshes]) @ Y_UP.T
     away = np.linalg.norm(wanted[:, None] - points[None], axis=2).min(axis=1)
     assert away.max() < 1e-3
-    assert found["packet"]["background"] == [0, 0, 0], "the file has lamps"
+    assert not found["packet"]["isStudio"], "the file has lamps"
     lamps = [said[name] for name in ("point", "sun", "spot", "area")]
     matrices = [np.array(lamp["matrix"]) for lamp in lamps]
     ways = [Y_UP @ (m[:3, 2] if i == 1 else m[:3, 3]) for i, m in enumerate(matrices)]  # Blender's lamps shine along -Z
-    given = sorted((lamp["isFar"], *np.round(lamp["at"], 3) + 0.0) for lamp in found["packet"]["lamps"])
+    given = sorted((lamp["far"], *np.round(lamp["at"], 3) + 0.0) for lamp in found["packet"]["lamps"])
     np.testing.assert_allclose(given, sorted((i == 1, *way) for i, way in enumerate(ways)), atol=1e-3)
     assert len(found["images"]) == 1
     assert not found["isWhole"], "it is animated"
+
+
+def test_fbx_materials_equal_those_of_service(node: Node, tmp_path: Path) -> None:
+    files = {"kit.fbx": (FBX / "kit.fbx").read_bytes()}
+    found, known = read_in_page(node, files), read_by_service(tmp_path, files)
+    assert surfaces_of(found["packet"]) == surfaces_of(plain(known))
+    assert len(surfaces_of(plain(known))) == 5, "plastic, metal, a texture, a pane, and a lamp"
+
+
+PAINTS = """
+newmtl matt
+Kd 0.2 0.3 0.4
+newmtl gloss
+Kd 0.5 0.1 0.1
+Ks 0.5 0.5 0.5
+Ns 100
+d 0.5
+newmtl gold
+Kd 0 0 0
+Ks 0.9 0.7 0.3
+Ns 50
+newmtl mirror
+Kd 0 0 0
+Ks 0.8 0.8 0.8
+illum 3
+newmtl glass
+Kd 1 1 1
+illum 7
+Ni 1.33
+newmtl coated
+Kd 0.1 0.2 0.3
+Pr 0.25
+Pm 0.5
+Pc 0.75
+Pcr 0.125
+newmtl lamp
+Kd 0.5 0.5 0.5
+Ke 0.01 0.02 0.03
+"""
+
+
+@pytest.mark.parametrize("first", ["", "# Blender 4.2.0 MTL File: 'None'"])
+def test_obj_materials_equal_those_of_service(node: Node, tmp_path: Path, first: str) -> None:
+    names = [line.split()[1] for line in PAINTS.splitlines() if line.startswith("newmtl")]
+    faces = "".join(f"v {i} 0 0\nv {i} 1 0\nv {i} 0 1\nusemtl {name}\nf -3 -2 -1\n" for i, name in enumerate(names))
+    files = {"a.obj": f"mtllib a.mtl\n{faces}".encode(), "a.mtl": (first + PAINTS).encode()}
+    found, known = read_in_page(node, files), read_by_service(tmp_path, files)
+    assert surfaces_of(found["packet"]) == surfaces_of(plain(known))
+
+
+def plain(mesh: PreviewMesh) -> dict[str, Any]:
+    """Returns what surfaces_of reads of a mesh by the service, as the page has it."""
+    return {
+        "parts": [part._asdict() for part in mesh.parts],
+        "materials": [material._asdict() for material in mesh.materials],
+        "indices": mesh.triangles.ravel().tolist(),
+        "colors": mesh.colors.ravel().tolist(),
+    }
+
+
+def surfaces_of(packet: dict[str, Any]) -> list[str]:
+    """Returns the surfaces of a packet with their colours, as sorted text. Numbers are rounded; a metal has no other f0."""
+    colors = np.array(packet["colors"]).reshape(-1, 4)
+    found = []
+    for part in packet["parts"]:
+        surface = dict(packet["materials"][part["material"]])
+        if surface["metallic"] == 1:
+            surface.pop("f0")
+        surface.pop("thin")  # the service looks whether the surface is closed
+        if surface["transmission"] == 0:
+            surface.pop("ior")
+        if surface["alpha_mode"] != "mask":
+            surface.pop("cutoff")
+        items = surface.items()
+        corners = packet["indices"][part["first"] : part["first"] + part["corners"]]
+        for color in sorted({tuple(row) for row in colors[corners].tolist()}):
+            rounded = {
+                name: value if isinstance(value, str) else np.round(np.float64(value), 4).tolist() for name, value in items
+            }
+            found.append(json.dumps([color, rounded], sort_keys=True))
+    return sorted(found)
 
 
 def test_fbx_is_seen_by_its_camera(node: Node) -> None:

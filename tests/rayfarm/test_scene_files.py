@@ -79,6 +79,16 @@ def test_zip_is_unpacked_temporarily(scene_folder: Path, tmp_path: Path) -> None
         assert not (folder / "__MACOSX").exists()
 
 
+def test_zip_in_a_zip_is_unpacked(scene_folder: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "inner.zip", "w") as packed:
+        packed.write(scene_folder / "room.obj", "room.obj")
+    with zipfile.ZipFile(tmp_path / "model.zip", "w") as packed:
+        packed.write(tmp_path / "inner.zip", "source/inner.zip")
+    with opened_scene(tmp_path / "model.zip") as (folder, main, _):
+        assert main == "source/inner/room.obj"
+        assert (folder / main).read_bytes() == (scene_folder / "room.obj").read_bytes()
+
+
 @pytest.mark.parametrize(
     ("name", "content", "sentence"),
     [

@@ -6,10 +6,11 @@ import { followFarm, lost } from "./news/farm.js";
 import { loadProjects, offer } from "./news/projects.js";
 import { may, mustLogIn, session } from "./news/session.js";
 import { followTallies } from "./news/job-list.js";
-import { acceptDrops } from "./shell/drops.js";
+import { UPLOAD_LIKELY, acceptDrops } from "./shell/drops.js";
 import { showHelp } from "./shell/help-dialog.js";
 import { isOutdated } from "./shell/missing-view.js";
 import { notifyOfEndedJobs } from "./shell/notify.js";
+import { followFrame } from "./shell/layouts.js";
 import { PALETTE_KEYS, listenForPalette, showPalette } from "./shell/palette.js";
 import { here } from "./shell/router.js";
 import { followScroll } from "./shell/scroll-memory.js";
@@ -26,6 +27,7 @@ function start() {
   offer(document.documentElement, chosenProject());
   document.documentElement.classList.toggle("is-admin", may("admin"));
   const markSection = buildShell(NAV);
+  followFrame();
   followScroll();
   showViews(main, markSection);
   addShortcuts([
@@ -35,6 +37,7 @@ function start() {
   ]);
   listenForPalette(NAV);
   acceptDrops();
+  addEventListener(UPLOAD_LIKELY, () => void import("./scene/mesh-relay.js").then(({ warmMesh }) => warmMesh(), () => {})); // the scene's view reports the error
   followFarm();
   followTallies();
   notifyOfEndedJobs();

@@ -42,6 +42,7 @@ _PRELOAD = (
     # Kernels of readers, which those import only for files of their format.
     *("renderer.scene.readers.obj_lines", "renderer.scene.readers.threemf_rows", "renderer.scene.readers.gltf.deform"),
     "worker.reading.kernels:load",
+    "renderer.scene.readers.usd:load",
 )
 _ALL_PREPARING = "renderer.preparation_kernels:prepare"
 _PLAIN_NAME = re.compile(r"[0-9A-Za-z][0-9A-Za-z_.-]{0,99}")

@@ -62,7 +62,11 @@ def read_data(
     positions = in_exact_type(_positions(vertex))
     faces = _faces(found, positions, main, shelf)
     if faces is None or not len(faces.triangles):
-        add_points(positions, _values_of(vertex) if _has_colors(vertex) else _splats(vertex), np.eye(4), main, description, shelf)
+        splats = None if _has_colors(vertex) else _splats(vertex)
+        if splats is not None:
+            description.up_axis = "-y"  # as photogrammetry's cameras and all viewers of Gaussians have it
+        colors = _values_of(vertex) if _has_colors(vertex) else splats
+        add_points(positions, colors, np.eye(4), main, description, shelf)
         return
     mesh = _mesh(PurePosixPath(main).stem, positions, vertex, faces, main, shelf, attribute)
     named = textures_of(data) if has_pictures else []

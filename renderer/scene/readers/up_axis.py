@@ -46,8 +46,9 @@ _GROUNDED = 0.05  # distance of a bottom from the origin's height, relative to t
 def turn_up(file: str, format: Format, up_axis: str | None, description: SceneDescription, guesses: bool = True) -> None:
     """Rotates the content of a file that states no up axis to Y up, and sets the description's `up_axis`.
 
-    up_axis: a key of ROTATIONS. None means the format's conventional axis or, with `guesses`, the axis on which the model stands,
-    with a warning. Raises SceneError if the axis is unknown or the format states its own.
+    up_axis: a key of ROTATIONS. None means the description's `up_axis`, if the reader has set the conventional axis of the file's
+    content; else the format's conventional axis or, with `guesses`, the axis on which the model stands, with a warning. Raises
+    SceneError if the axis is unknown or the format states its own.
     """
     if up_axis is not None and up_axis not in ROTATIONS:
         raise SceneError(
@@ -64,8 +65,8 @@ def turn_up(file: str, format: Format, up_axis: str | None, description: SceneDe
                 )
             )
         return
-    up = up_axis or format.up
-    if up_axis is None and guesses and (found := guess_up(description, format.up)) != format.up:
+    up = up_axis or description.up_axis or format.up
+    if up_axis is None and description.up_axis is None and guesses and (found := guess_up(description, format.up)) != format.up:
         up = found
         description.warnings.append(
             Sentence(

@@ -5,6 +5,7 @@ import struct
 import numpy as np
 import pytest
 
+from renderer.scene import load
 from renderer.scene.readers import points
 
 HEAD = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
@@ -131,6 +132,16 @@ def test_gaussians_become_colored_points(scene):
     head = WITH_NAMES.format("float") + "".join(f"property float f_dc_{k}\n" for k in range(3))
     colors = scene("a.ply", in_bytes(head, rows)).meshes[0].colors
     np.testing.assert_allclose(colors[0, :3], [linear(round(255 * (0.5 + c * 0.28209479))) for c in (1, 0, -1)], atol=1e-6)
+
+
+@pytest.mark.parametrize(("asked", "up"), [(None, "-y"), ("y", "y")])
+def test_gaussians_have_minus_y_up_by_default(tmp_path, asked, up):
+    rows = np.column_stack([POINTS, np.zeros((4, 3))]).astype("<f4")
+    head = WITH_NAMES.format("float") + "".join(f"property float f_dc_{k}\n" for k in range(3))
+    (tmp_path / "a.ply").write_bytes(in_bytes(head, rows))
+    found = load.read(tmp_path, "a.ply", up=asked)
+    assert found.up_axis == up
+    assert np.sign(found.instances[0].transform[1, 1]) == (-1 if up == "-y" else 1)
 
 
 WEDGES = "property list uchar float texcoord\nproperty {kind} texnumber\n"

@@ -35,6 +35,9 @@ export const STRICT = ["strict-scene-warning", "strict-scene-warnings"];
 /** A compressed file of a supported format: the remedy is to unpack it. */
 export const UNPACK = "advice-unpack-archive";
 
+/** A scene waits for a worker with Blender, and there is none. */
+export const WAITS_FOR_BLENDER = "waits-for-blender-worker";
+
 /** A worker was paused by the farm, because its batches failed or its results were wrong. */
 export const QUARANTINED = ["worker-quarantined", "worker-quarantined-failures"];
 

@@ -72,6 +72,27 @@ export async function filesOf(given) {
 }
 
 /**
+ * Returns files with those in zips among them in place of the zips, as the service unpacks them if no file is a scene
+ * (nested_archives of renderer/formats.py).
+ *
+ * @param {Files} files
+ * @returns {Promise<Files>}
+ */
+export async function unpackedFiles(files) {
+  /** @type {Map<string, () => Promise<Uint8Array<ArrayBuffer>>>} */
+  const found = new Map();
+  for (const name of files.names) {
+    if (!name.toLowerCase().endsWith(".zip")) {
+      found.set(name, () => files.read(name));
+      continue;
+    }
+    const inner = await zipOf(new Blob([await files.read(name)]));
+    for (const each of inner.names) found.set(`${name.slice(0, -".zip".length)}/${each}`, () => inner.read(each));
+  }
+  return { names: [...found.keys()], read: async (name) => (await found.get(name)?.()) ?? Promise.reject(new Error("not here")) };
+}
+
+/**
  * Returns files that are each read once, however often others name them, and together not more than this page may hold.
  *
  * @template {{size: number}} F

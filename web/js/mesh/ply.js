@@ -1,7 +1,8 @@
-/** Reads PLY files, text and binary of both byte orders, for a preview. Files of points alone, and of strips, are left to the service. */
+/** Reads PLY files, text and binary of both byte orders, for a preview: surfaces, points, and 3D Gaussians as points. Files of strips are left to the service. */
 
 import { MOST_VALUES, Scanner, growingIndices } from "./text.js";
 import { GREY, WHITE, modelOf } from "./model.js";
+import { pointShape } from "./points.js";
 
 /** @typedef {{name: string, type: string, count: string | null}} Property count: the type of a list's length; null: no list */
 /** @typedef {{name: string, count: number, properties: Property[]}} Element */
@@ -16,13 +17,15 @@ const TYPES = {
 const HIGHEST = { uint8: 255, int8: 255, uint16: 65535, int32: 255, uint32: 255, int16: 32767 };
 const CORNERS = ["vertex_indices", "vertex_index", "vertex_indexes"];
 const UVS = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"]];
+/** Terms of 3D Gaussians' colours that no direction changes, and the value of their basis function. */
+const [SPLATS, CONSTANT] = [["f_dc_0", "f_dc_1", "f_dc_2"], 0.28209479177387814];
 const COLORS = [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 
 /**
  * @param {Uint8Array<ArrayBuffer>} file
  * @param {(reference: string) => Promise<import("./shapes.js").Picture | null>} picture returns an image that the file names
  * @param {number} [most] triangles, about
- * @returns {Promise<import("./shapes.js").LocalMesh | null>} null if the file is damaged or has no faces
+ * @returns {Promise<import("./shapes.js").LocalMesh | null>} null if the file is damaged
  */
 export async function readPly(file, picture, most) {
   const head = headOf(file);
@@ -49,6 +52,12 @@ export async function readPly(file, picture, most) {
   if (uvs) for (let i = 1; i < uvs.length; i += 2) uvs[i] = 1 - (uvs[i] ?? 0);
   const rgb = among(COLORS);
   const colors = rgb ? colorsOf(rgb.map((name) => /** @type {Float32Array} */ (columns[name])), vertex.properties.find(({ name }) => name === rgb[0])?.type ?? "") : null;
+  if (!indices.whole.length) {
+    if (head.elements.some(({ name }) => name === "tristrips")) return null;
+    const terms = rgb ? null : among([SPLATS]);
+    const cloud = pointShape(positions, terms ? splatColors(terms.map((name) => /** @type {Float32Array} */ (columns[name]))) : colors);
+    return cloud && modelOf([{ shape: cloud, color: cloud.colors ? WHITE : GREY, image: null }], terms ? "-y" : "y", true, cloud.indices.length / 3);
+  }
   const image = uvs && head.pictures.length === 1 ? await picture(head.pictures[0] ?? "") : null;
   const shape = { positions, normals: normal ? interleaved(normal.map((name) => /** @type {Float32Array} */ (columns[name]))) : null, uvs, colors, indices: indices.whole };
   return modelOf([{ shape, color: colors || image ? WHITE : GREY, image }], "y", image !== null, most);
@@ -169,6 +178,9 @@ function interleaved(columns) {
   columns.forEach((column, k) => column.forEach((value, i) => (found[width * i + k] = value)));
   return found;
 }
+
+/** @param {Float32Array[]} terms @returns {Uint8Array} sRGB, three a point */
+const splatColors = (terms) => Uint8Array.from(interleaved(terms), (value) => Math.round(255 * Math.min(Math.max(0.5 + CONSTANT * value, 0), 1)));
 
 /** @param {Float32Array[]} columns @param {string} type @returns {Uint8Array} three a vertex */
 function colorsOf(columns, type) {

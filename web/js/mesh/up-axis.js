@@ -6,7 +6,7 @@ import { boundsOf } from "./shapes.js";
 /** @typedef {import("./shapes.js").Shape} Shape */
 
 /** Matrices by which an axis becomes Y, column by column. */
-const MATRICES = { y: IDENTITY, z: [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1] };
+const MATRICES = { y: IDENTITY, z: [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1], "-y": [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1] };
 
 const LEVEL = 0.01;
 const LEVEL_NORMAL = 0.95;
@@ -16,8 +16,8 @@ const GROUNDED = 0.05;
 
 /** @typedef {"y" | "z"} Axis */
 
-/** Returns the matrix that turns shapes to Y up. @param {Shape[]} shapes @param {Axis} custom the format's conventional up axis @returns {number[]} */
-export const uprightMatrix = (shapes, custom) => MATRICES[guessUp(shapes, custom)];
+/** Returns the matrix that turns shapes to Y up. @param {Shape[]} shapes @param {Axis | "-y"} custom the format's conventional up axis; "-y": of 3D Gaussians, which have no bottom to guess by @returns {number[]} */
+export const uprightMatrix = (shapes, custom) => MATRICES[custom === "-y" ? custom : guessUp(shapes, custom)];
 
 /** @param {Shape[]} shapes @param {Axis} custom @returns {Axis} */
 export function guessUp(shapes, custom) {

@@ -1,6 +1,6 @@
 /** Reads an upload's scene by the reader of its format. */
 
-import { filesOf, find, pickMain, pictureType } from "./files.js";
+import { filesOf, find, pickMain, pictureType, unpackedFiles } from "./files.js";
 import { readFbx } from "./fbx.js";
 import { readGlb, readGltf } from "./glb.js";
 import { readObj } from "./obj.js";
@@ -14,8 +14,10 @@ import { readStl } from "./stl.js";
 export const meshOf = (upload) => readUpload(upload).catch(() => null);
 
 /** @param {Upload} upload @returns {Promise<LocalMesh | null>} */
-async function readUpload({ files: given, formats, main: chosen }) {
-  const files = await filesOf(given);
+async function readUpload({ files: given, formats: accepted, main: chosen }) {
+  const formats = accepted.filter((suffix) => suffix !== ".zip");
+  let files = await filesOf(given);
+  if (!chosen && !pickMain(files.names, formats)) files = await unpackedFiles(files);
   const main = chosen ?? pickMain(files.names, formats);
   if (!main) return null;
   const read = async (/** @type {string} */ reference) => {
@@ -35,6 +37,7 @@ async function readUpload({ files: given, formats, main: chosen }) {
   const names = files.names.filter((name) => name.startsWith(folder) && !name.slice(folder.length).includes("/")).map((name) => name.slice(folder.length));
   switch (main.slice(main.lastIndexOf(".")).toLowerCase()) {
     case ".glb":
+    case ".vrm":
       return readGlb(await files.read(main));
     case ".gltf":
       return readGltf(await files.read(main), read);

@@ -10,7 +10,7 @@ const MOST_BYTES = 512 * 1024 * 1024;
 /** Uploads that take longer to read, in milliseconds, are left to the service: also a small file may be made to take very long. */
 const MOST_MS = 30_000;
 /** Files that the page reads itself, or may find in an archive. */
-const READ_HERE = /\.(fbx|glb|gltf|obj|ply|stl|zip)$/i;
+const READ_HERE = /\.(fbx|glb|gltf|obj|ply|stl|vrm|zip)$/i;
 
 /** @type {{scene: string, mesh: Promise<LocalMesh | null>} | null} */
 let latest = null;
@@ -52,8 +52,8 @@ export async function readLocally(files, refused, main) {
     };
     worker.onmessage = ({ data }) => {
       if (data?.mesh) {
-        /** @type {Promise<ImageBitmap | null>[]} */
-        const textures = Array.from({ length: data.textures }, () => new Promise((take) => awaited.push(take)));
+        /** @type {import("./mesh-packet.js").MeshTexture[]} */
+        const textures = data.samplers.map((/** @type {import("./mesh-packet.js").Sampler} */ sampler) => ({ sampler, image: new Promise((take) => awaited.push(take)) }));
         resolve({ ...data.mesh, packet: { ...data.mesh.packet, textures } });
       } else if (data) awaited.shift()?.(data.image);
       if (!data || !awaited.length) end();

@@ -25,14 +25,17 @@ export function stepOf({ progress, codes }) {
   return progress < BUILT_FROM ? "read" : progress < RENDERED_FROM ? "build" : "render";
 }
 
-/** Seconds after which a step's time is explained. */
-const SLOW_S = 2;
+/** Seconds after which a step's time is explained, and after which compiling takes longer than is usual. */
+const [SLOW_S, COMPILED_S] = [2, 60];
 
 /** Returns why a step takes its time, as far as the page knows. @param {number} seconds so far */
 function reasonOf(seconds) {
   const isBusy = seconds > SLOW_S && jobs.value?.some(({ state }) => state === "running");
   return isBusy ? t("beside a picture that is rendered") : "";
 }
+
+/** @param {number} seconds so far */
+const compileWords = (seconds) => (seconds < COMPILED_S ? t("first time, about 40 s") : t("first time, on a busy machine"));
 
 /** Times of the steps of one preparation, as the page hears of them. */
 export class StepTimes {
@@ -72,7 +75,7 @@ export function prepareSteps(scene) {
       const took = isCurrent ? now() - times.since : times.took[step];
       // Skipped steps were already done.
       if (step === "compile" && !isCurrent && took === undefined) return null;
-      const hint = isCurrent && h("span", { class: "quiet small" }, step === "compile" ? t("first time, about 40 s") : reasonOf(took ?? 0));
+      const hint = isCurrent && h("span", { class: "quiet small" }, step === "compile" ? compileWords(took ?? 0) : reasonOf(took ?? 0));
       return h(
         "li",
         { class: isCurrent ? "current" : isDone ? "done" : "", "aria-current": isCurrent ? "step" : null },

@@ -7,8 +7,9 @@ import { h, setText } from "../base/dom.js";
 import { t } from "../base/words.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
-import { MeshCanvas } from "./mesh-canvas.js";
+import { passMesh, takeMesh } from "./mesh-relay.js";
 import { lookAt } from "./orbit.js";
+import { blenderNotice, waitsForBlender } from "./scene-notices.js";
 import { keepTurned, meshOf } from "./preview-mesh.js";
 import { viewHand } from "./view-hand.js";
 
@@ -31,7 +32,10 @@ function between(from, to, share) {
  * @returns {{element: HTMLElement, update: (scene: Scene, step: string) => void, dispose: () => void}}
  */
 export function preparingView(scene) {
-  const canvas = h("canvas", { class: "mesh", role: "img", "aria-label": t("The scene as it is seen now") });
+  const mesh = takeMesh(scene.id);
+  const { canvas } = mesh;
+  canvas.role = "img";
+  canvas.ariaLabel = t("The scene as it is seen now");
   const surface = h(
     "div",
     {
@@ -44,7 +48,6 @@ export function preparingView(scene) {
   const picture = examplePictures.get(scene.id);
   if (picture) surface.style.backgroundImage = `url("${picture}")`;
   canvas.hidden = picture !== undefined;
-  const mesh = new MeshCanvas(canvas);
   mesh.setScene(scene);
   /** @type {View | null} */
   let view = null;
@@ -93,16 +96,19 @@ export function preparingView(scene) {
   void localMeshOf(scene.id).then((local) => {
     if (!local || isAsked || !isOpen) return;
     const { packet, view: first } = local;
-    mesh.hasFloor ||= packet.background === null; // an upload without lights gets the studio and a floor
+    mesh.floor ||= "auto"; // what an upload without lights gets
     mesh.setMesh(packet);
     doing.textContent = "";
     follow(first, packet.low, packet.high);
   });
+  const waiting = blenderNotice();
+  waiting.hidden = true;
   return {
-    element: h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface, h("div", { class: "view-pills" }, doing))),
+    element: h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface, waiting, h("div", { class: "view-pills" }, doing))),
     /** @param {Scene} next @param {string} step in words */
     update(next, step) {
-      setText(doing, hasPicture() ? "" : step);
+      waiting.hidden = !waitsForBlender(next);
+      setText(doing, hasPicture() || !waiting.hidden ? "" : step);
       const { id, preview, cameras, bounds, defaults } = next;
       const first = cameras[0]?.view;
       const [low, high] = bounds ?? [];
@@ -122,7 +128,7 @@ export function preparingView(scene) {
     dispose() {
       isOpen = false;
       letGo();
-      mesh.dispose();
+      passMesh(scene.id, mesh);
     },
   };
 }

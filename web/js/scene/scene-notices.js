@@ -1,12 +1,14 @@
 /** Notices about a scene: its preparation, errors, warnings, and remedies. */
 
-import { MISSING_FILE, SEVERAL_SCENES, STRICT, WITHOUT_LIGHT, hasCode } from "../base/codes.js";
+import { MISSING_FILE, SEVERAL_SCENES, STRICT, WAITS_FOR_BLENDER, WITHOUT_LIGHT, hasCode } from "../base/codes.js";
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { said, saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 import { field } from "../forms/fields.js";
 import { choose } from "../shell/drops.js";
+import { command, emptyState } from "../shell/hints.js";
+import { linkTo } from "../shell/router.js";
 import { addFiles, showOther } from "../shell/uploads.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -19,8 +21,24 @@ const codedOf = (scene, sentence) => scene.codes?.["warnings"]?.[scene.warnings.
 
 /** @param {Pick<Scene, "step" | "codes">} scene @returns {string} */
 export function stepWords(scene) {
+  if (waitsForBlender(scene)) return t("Waits for a worker with Blender …"); // the view explains it
   const words = saidOf(scene, "step");
   return words && `${words[0]?.toUpperCase()}${words.slice(1).replace(/[.。]$/, "")} …`;
+}
+
+/** Whether no connected worker can open a scene's file, since none has Blender. @param {Pick<Scene, "codes">} scene */
+export const waitsForBlender = ({ codes }) => hasCode(codes?.["step"], WAITS_FOR_BLENDER);
+
+/** Explains how a scene's file that needs Blender is opened. */
+export function blenderNotice() {
+  return emptyState(
+    "cube",
+    t("This file needs Blender"),
+    h("p", null, t("No connected worker has it. Restart the farm with it, or add a machine that has it:")),
+    command("python3 farm.py up --blender"),
+    h("p", null, h("a", { href: linkTo("workers") }, t("Add a machine")), " ", h("code", null, "--blender")),
+    h("p", null, t("Or export glTF in Blender, with “Punctual Lights” and “Cameras” ticked, and drop that here.")),
+  );
 }
 
 /** The reason why a scene cannot be rendered, and the remedies. @param {Scene} scene @param {string | null} place where in its files @param {() => void} remove deletes it */

@@ -18,8 +18,14 @@ async function upload(files) {
   await start(files);
 }
 
+/** Event of the window when files are chosen or dragged. */
+export const UPLOAD_LIKELY = "upload-likely";
+
 /** Prepares for an upload while files are chosen or dragged. */
-const prepare = () => void import("./uploads.js").then((uploads) => uploads.prepare(), () => {}); // an upload reports the error
+function prepare() {
+  dispatchEvent(new Event(UPLOAD_LIKELY));
+  void import("./uploads.js").then((uploads) => uploads.prepare(), () => {}); // an upload reports the error
+}
 
 /**
  * Opens the system's file dialog.

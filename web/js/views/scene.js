@@ -9,6 +9,7 @@ import { bytes, count, extent } from "../base/format.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { go, here, linkTo, setParams, setTitle } from "../shell/router.js";
+import { sideEdge } from "../shell/layouts.js";
 import { offer } from "../news/projects.js";
 import { failedScene } from "../scene/failed-scene.js";
 import { startOfJob } from "../scene/form-start.js";
@@ -25,7 +26,7 @@ import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { prepareSteps, stepOf } from "../scene/prepare-steps.js";
 import { preparingView } from "../scene/preparing-view.js";
-import { takeTurned } from "../scene/preview-mesh.js";
+import { meshOf, takeTurned } from "../scene/preview-mesh.js";
 import { renderStrip } from "../scene/render-strip.js";
 import { stepWords, warnings } from "../scene/scene-notices.js";
 import { sidesFromUrl } from "../scene/sides.js";
@@ -61,7 +62,10 @@ export function sceneView(id) {
       const scene = all?.find((candidate) => candidate.id === id);
       if (scene) {
         if (part?.status !== scene.status) {
-          if (part && scene.status === "ready") announce(t("{name} is ready to render", { name: scene.name }));
+          if (part && scene.status === "ready") {
+            announce(t("{name} is ready to render", { name: scene.name }));
+            if (scene.preview) meshOf(id).catch(() => {}); // fetched while the view is built, which asks for it
+          }
           offer(element, scene.project);
           own.dispose();
           part = { status: scene.status, update: { preparing, failed, ready }[scene.status](element, scene, own) };
@@ -212,6 +216,10 @@ function ready(page, scene, life) {
   const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
   const form = settingsForm(scene, submit, like && startOfJob(like), here().params.has("shot"));
   life.add(form.dispose);
+  if (here().params.get("light") === "studio") {
+    setParams({ light: null }); // the choice is the form's from now on
+    form.light.choose("studio");
+  }
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => form.update()));
   life.add(
@@ -222,6 +230,12 @@ function ready(page, scene, life) {
   );
   const sides = sidesFromUrl(life);
   const view = viewOf(scene, form, sides, life);
+  const side = h(
+    "div",
+    { class: "workspace-side" },
+    warnings(scene), // above the view, they would move it
+    h("section", { class: "panel", "aria-label": t("Render") }, form.element),
+  );
   page.classList.add("workspace");
   life.add(() => page.classList.remove("workspace"));
   fill(
@@ -238,12 +252,8 @@ function ready(page, scene, life) {
         h("div", { class: "strips" }, view.takes, renderStrip(scene.id, sides, life)),
         facts(scene),
       ),
-      h(
-        "div",
-        { class: "workspace-side" },
-        warnings(scene), // above the view, they would move it
-        h("section", { class: "panel", "aria-label": t("Render") }, form.element),
-      ),
+      side,
+      sideEdge(() => side, life),
     ),
   );
   return () => {};

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
+from importlib import import_module
+
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.sentences import Sentence
 
-__all__ = ["read"]
+__all__ = ["load", "read"]
+
+
+def load() -> None:
+    """Imports usd-core if it is installed, for processes that fork readers: it takes longer than reading a small stage."""
+    with contextlib.suppress(ImportError):
+        import_module("renderer.scene.readers.usd.reader")
 
 
 def read(

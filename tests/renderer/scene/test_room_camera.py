@@ -1,0 +1,86 @@
+"""Tests of the default camera of rooms: it stands inside, and only in rooms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderer.scene.compile import camera_dicts
+from renderer.scene.description import Instance, SceneDescription
+from renderer.scene.room_camera import room_view
+from tests.renderer.builders import box
+
+BOUNDS = np.array([(-4.0, 0.0, -3.0), (4.0, 3.0, 3.0)])
+WALLS = np.diag([8.0, 3.0, 6.0, 1.0])
+WALLS[:3, 3] = 0, 1.5, 0
+MIRRORED = WALLS @ np.diag([-1.0, 1, 1, 1])
+
+
+def unit_box():
+    made = box(0)
+    low, high = made.positions.min(axis=0), made.positions.max(axis=0)
+    return replace(made, positions=((made.positions - low) / (high - low) - 0.5).astype(np.float32))
+
+
+def scene(walls, place=WALLS, thing=(0.0, 0.5, 0.0), size=1.0):
+    """Returns a scene of walls with a cube in them; thing: its middle; None: no cube."""
+    cube = np.diag([size, size, size, 1.0])
+    meshes, instances = [walls], [Instance(0, place)]
+    if thing is not None:
+        cube[:3, 3] = thing
+        meshes.append(unit_box())
+        instances.append(Instance(1, cube))
+    return SceneDescription(meshes=meshes, instances=instances)
+
+
+def inwards(mesh):
+    normals = None if mesh.normals is None else -mesh.normals
+    return replace(mesh, triangles=mesh.triangles[:, ::-1].copy(), normals=normals)
+
+
+def without(mesh, axis, side):
+    """Returns a box without the face at the upper (1) or lower (-1) end of an axis."""
+    kept = (mesh.positions[mesh.triangles][:, :, axis] * side < 0.4).any(axis=1)
+    return replace(mesh, triangles=mesh.triangles[kept])
+
+
+@pytest.mark.parametrize("normals", [True, False])
+@pytest.mark.parametrize("missing", [None, (1, 1), (2, 1)])
+def test_camera_stands_in_a_room(normals, missing):
+    walls = inwards(unit_box())
+    walls = walls if missing is None else without(walls, *missing)
+    view = room_view(scene(walls if normals else replace(walls, normals=None)), BOUNDS)
+    assert view is not None
+    assert (BOUNDS[0] < view.eye).all()
+    assert (view.eye < BOUNDS[1]).all()
+    assert np.linalg.norm(view.target) < 3
+
+
+@pytest.mark.parametrize("normals", [True, False])
+def test_mirrored_room_is_a_room(normals):
+    walls = inwards(unit_box())
+    walls = walls if normals else replace(walls, normals=None)
+    assert room_view(scene(walls, MIRRORED), BOUNDS) is not None
+
+
+@pytest.mark.parametrize(
+    "description",
+    [
+        scene(unit_box()),
+        scene(inwards(unit_box()), thing=None),
+        scene(without(inwards(unit_box()), 1, -1)),
+        scene(without(without(inwards(unit_box()), 0, 1), 2, 1)),
+    ],
+    ids=["faces outwards", "empty", "without a floor", "two walls"],
+)
+def test_other_scenes_are_seen_from_outside(description):
+    assert room_view(description, BOUNDS) is None
+    corners = np.array([np.where(which, BOUNDS[1], BOUNDS[0]) for which in np.ndindex(2, 2, 2)])
+    (camera,) = camera_dicts(description, BOUNDS, corners)
+    assert not ((BOUNDS[0] < camera["view"]["eye"]) & (camera["view"]["eye"] < BOUNDS[1])).all()
+
+
+def test_camera_avoids_what_stands_in_its_corner():
+    usual = room_view(scene(inwards(unit_box())), BOUNDS)
+    other = room_view(scene(inwards(unit_box()), thing=usual.eye, size=0.5), BOUNDS)
+    assert other.eye[0] < 0 < usual.eye[0]
