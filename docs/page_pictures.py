@@ -36,7 +36,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 __all__ = ["main"]
 
 PICTURES = Path(__file__).parent / "pictures"
-SIZE = {"width": 1360, "height": 850}  # as wide as the tools of a job's page need for their labels
+SIZE = {"width": 1440, "height": 900}  # as wide as the tools of a job's page need for their labels
 # SwiftShader, in case there is no GPU; the rest of the page is drawn faster without it.
 FLAGS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-gl=angle", "--use-angle=swiftshader", "--disable-gpu-compositing"]
 PATIENCE_S = 3600

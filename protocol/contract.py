@@ -89,6 +89,7 @@ _LATER_FIELDS = (
     "transport",
     "denoises_views",
     "views_on_cards",
+    "drafts_views",
     "recalls",
     "trains_guides",
 )
@@ -532,6 +533,7 @@ class WorkerReport:
     cards: list[dict[str, Any]] = field(default_factory=list)
     has_card_queue: bool = False  # whether all its slots have cards: it takes batches from its own queue alone (protocol.card)
     views_on_cards: bool = False  # whether its cards render parts of views (protocol.view_parts.card_view_queue)
+    drafts_views: bool = False  # whether these cards make drafts of views
     cards_unused: list[str] = field(default_factory=list)  # why other cards are not used (renderer.sentences.to_text)
     transport: Literal["", "https"] = ""  # how it reaches the queue: "": Redis; https: through the service (protocol/channel.py)
 

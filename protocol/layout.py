@@ -9,17 +9,17 @@ from __future__ import annotations
 import struct
 from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
 
-__all__ = ["I64", "U8", "U16", "U32", "Field", "Kind", "Layout"]
+__all__ = ["F32", "I64", "U8", "U16", "U32", "Field", "Kind", "Layout"]
 
 
 class Kind(NamedTuple):
-    """Integer type of a field. name: as in the documentation, such as "u8". code: as in the module `struct`."""
+    """Numeric type of a field. name: as in the documentation, such as "u8". code: as in the module `struct`."""
 
     name: str
     code: str
 
 
-U8, U16, U32, I64 = Kind("u8", "B"), Kind("u16", "H"), Kind("u32", "I"), Kind("i64", "q")
+U8, U16, U32, I64, F32 = Kind("u8", "B"), Kind("u16", "H"), Kind("u32", "I"), Kind("i64", "q"), Kind("f32", "f")
 
 
 class Field(NamedTuple):

@@ -1,4 +1,4 @@
-"""Packets with pictures for viewers: a tile of a job, a job's whole frame, a picture of a live view. Little-endian.
+"""Packets with pictures for viewers: a tile of a job, a job's whole frame, a picture or draft of a live view. Little-endian.
 
 Blender's add-on contains copies of this module and of the modules that it imports (protocol/generate.py), so keep the imports
 few.
@@ -14,16 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from protocol.coarse import coarse, count_hues, radiance
+from protocol.layout import F32 as FLOAT
 from protocol.layout import U16, U32, Layout
 from renderer.image import rgbe9995
 
 __all__ = [
     "ALPHA",
+    "DRAFT",
     "EXACT",
     "FILM",
     "TILE",
     "VIEW",
     "VIEW_TILE",
+    "DraftHead",
     "FilmHead",
     "FilmPicture",
     "TileHead",
@@ -36,6 +39,7 @@ __all__ = [
     "decode_film",
     "decode_tile",
     "decode_view",
+    "encode_draft",
     "encode_film",
     "encode_tile",
     "encode_view",
@@ -110,10 +114,28 @@ class ViewTileHead(NamedTuple):
     samples: Annotated[int, U32, "samples per pixel; the highest bit marks an exact tile, the next one a tile with alpha"]
 
 
+class DraftHead(NamedTuple):
+    """The head of a draft, a picture of a live view whose camera moves. A JPEG follows, which has no color profile.
+
+    Its red, green and blue are round(255 log2(1 + 255 x) / 12), where x is the radiance times 2**exposure
+    (renderer/kernel/draft.py). The viewer applies exposure and tone curve.
+    """
+
+    id: Annotated[int, U32, "the client's number of the view, modulo 2**32"]
+    seq: Annotated[int, U32, "number that the client acknowledges, modulo 2**32"]
+    w: Annotated[int, U16, "width of this picture"]
+    h: Annotated[int, U16, "height of this picture"]
+    whole_w: Annotated[int, U16, "width of the whole view"]
+    whole_h: Annotated[int, U16, "height of the whole view"]
+    samples: Annotated[int, U32, "samples per pixel"]
+    exposure: Annotated[float, FLOAT, "exposure of the JPEG's scale, in stops"]
+
+
 TILE = Layout("tile", TileHead, version=1, kind=1)
 FILM = Layout("film", FilmHead, version=1, kind=2)
 VIEW = Layout("view", ViewHead, version=2, kind=3)
 VIEW_TILE = Layout("view's tile", ViewTileHead)
+DRAFT = Layout("draft", DraftHead, version=1, kind=6)
 
 
 class TilePicture(NamedTuple):
@@ -239,6 +261,11 @@ def _body(tiles: Sequence[ViewTile]) -> Iterator[Planes]:
     if exact:
         yield from planes_of(np.concatenate(exact))
     yield from (np.ascontiguousarray(tile.alpha) for tile in tiles if tile.alpha is not None)
+
+
+def encode_draft(head: DraftHead, jpeg: bytes) -> bytes:
+    """Encodes a draft of a live view."""
+    return DRAFT.pack(head._replace(id=head.id % NUMBERS, seq=head.seq % NUMBERS)) + jpeg
 
 
 def decode_view(packet: bytes) -> ViewPicture:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -38,7 +39,7 @@ from renderer.kernel.accumulate import (
     samples_guide,
 )
 from renderer.kernel.camera import PANORAMA, Camera, camera_frame
-from renderer.kernel.options import group_rows, kernel_options
+from renderer.kernel.options import Options, group_rows, kernel_options
 from renderer.kernel.steps.continue_or_end import MAX_UNCOUNTED
 from renderer.parallel_compile import Helpers
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
@@ -72,6 +73,7 @@ __all__ = [
     "pixel_range_sums",
     "pixel_samples",
     "render_batch",
+    "render_draft",
     "render_frame",
     "replay",
     "settings_as_rendered",
@@ -277,17 +279,36 @@ def _render_on(
     if recorded and count > step:
         ranges = ((begin, min(step, first + count - begin)) for begin in range(first, first + count, step))
         return _added([_render_on(card, scene, settings, tile, *each) for each in ranges])
+    arguments = _card_arguments(scene, settings, tile, first, count)
+    found = card.render(*arguments, recorded)
+    bad: list[BadSample] = []
+    if found.bad_count:  # a card counts them: the CPU lists those of the pixels that lack samples
+        for y, x in np.argwhere(found.sums[SAMPLES] < count)[:MAX_BAD]:
+            bad += _render(scene, settings, Tile(tile.x + int(x), tile.y + int(y), 1, 1), first, count)[0].bad
+    counted = _counted(found.records, settings, tile, arguments.camera)
+    return BatchSums(found.sums, bad[:MAX_BAD], found.bad_count, *counted), found.rays
+
+
+class _CardArguments(NamedTuple):
+    """The first arguments of CardRenderer.render."""
+
+    scene: CompiledScene
+    variant: str
+    camera: Camera
+    options: Options
+    batch: Batch
+    width: int
+    height: int
+
+
+def _card_arguments(scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int) -> _CardArguments:
+    """scene: from `_prepared`."""
     camera, options = camera_frame(settings_relative_to_origin(settings, scene.origin)), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
     plain = scene.has._replace(groups=None, light_paths=None, by_light=None)
     suffix = variant_suffix(settings_of_prepared(settings, scene))
     variant = next(name for name, has in KERNEL_VARIANTS.items() if has == plain) + suffix
-    found = card.render(scene, variant, camera, options, batch, tile.w, tile.h, recorded)
-    bad: list[BadSample] = []
-    if found.bad_count:  # a card counts them: the CPU lists those of the pixels that lack samples
-        for y, x in np.argwhere(found.sums[SAMPLES] < count)[:MAX_BAD]:
-            bad += _render(scene, settings, Tile(tile.x + int(x), tile.y + int(y), 1, 1), first, count)[0].bad
-    return BatchSums(found.sums, bad[:MAX_BAD], found.bad_count, *_counted(found.records, settings, tile, camera)), found.rays
+    return _CardArguments(scene, variant, camera, options, batch, tile.w, tile.h)
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
@@ -329,6 +350,17 @@ def render_batch(
         begins()
         return _render_on(card, prepared, settings, tile, first, count)[0]
     return _render(prepared, settings, tile, first, count, begins=begins)[0]
+
+
+def render_draft(
+    scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, card: CardRenderer, exposure: float = 0.0
+) -> npt.NDArray[np.uint32]:
+    """Renders samples of a tile with a graphics card, as `render_batch` does; returns their draft (renderer/kernel/draft.py).
+
+    Shape (h, w). exposure: of the draft, in stops. settings: those of `is_for_cards`, without Cryptomatte and deep pixels.
+    Samples that are not finite are left out. Raises CardError if the card fails.
+    """
+    return card.render_draft(*_card_arguments(_prepared(scene, settings), settings, tile, first, count), exposure)
 
 
 def render_frame(

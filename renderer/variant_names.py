@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
+from typing import Any
 
 from renderer.arrays.guide import empty_guide
 from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import CompiledScene, example
+from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.arrays.spectrum import empty_spectrum_tables
+from renderer.errors import SettingsError
 from renderer.kernel.accumulate import samples_caustics, samples_guide
 from renderer.scene.caustics import example_tables
 from renderer.scene.light_groups import with_group_planes
 from renderer.settings import RenderSettings, View
 
-__all__ = ["CAUSTICS_SUFFIX", "GUIDED_SUFFIX", "SPECTRAL_SUFFIX", "base_variant", "example_of", "has_caustics", "variant_suffix"]
+__all__ = [
+    "CAUSTICS_SUFFIX",
+    "GUIDED_SUFFIX",
+    "SPECTRAL_SUFFIX",
+    "base_variant",
+    "example_of",
+    "has_caustics",
+    "kernel_names",
+    "suffixes_of",
+    "variant_suffix",
+]
 
 CAUSTICS_SUFFIX = "-caustics"  # of a variant's name: for settings that sample light through casters,
 GUIDED_SUFFIX = "-guided"  # then with a path guide,
@@ -21,6 +35,14 @@ _PATHS_SUFFIX = "-paths"  # then with light paths,
 _GROUPS_SUFFIX = "-groups"  # with light groups,
 SPECTRAL_SUFFIX = "-spectral"  # and at the end for spectra
 _IN_ORDER = CAUSTICS_SUFFIX, GUIDED_SUFFIX, _PATHS_SUFFIX, _GROUPS_SUFFIX, SPECTRAL_SUFFIX
+_WITHOUT_PLAIN = CAUSTICS_SUFFIX, SPECTRAL_SUFFIX  # what the first variant has no kernels for (`renderer.render.variant_for`)
+_VALUES: dict[str, tuple[Any, ...]] = {  # of the settings that add suffixes
+    "caustics": ("off", "on"),
+    "guiding": ("off", "on"),
+    "light_paths": ("off", "on"),
+    "light_groups": ("", "a"),
+    "spectral": ("off", "on"),
+}
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 
 
@@ -31,9 +53,27 @@ def variant_suffix(settings: RenderSettings) -> str:
     return f"{sampled}{by_light}{SPECTRAL_SUFFIX if settings.is_spectral else ''}"
 
 
+def kernel_names() -> list[str]:
+    """Returns the names of the kernels that scenes and settings can request: each variant's with all that settings add to it."""
+    suffixes: list[str] = []
+    for values in itertools.product(*_VALUES.values()):
+        try:
+            suffixes.append(variant_suffix(replace(_PICTURE, **dict(zip(_VALUES, values, strict=True)))))
+        except SettingsError:  # that cannot be combined
+            continue
+    plain, *others = KERNEL_VARIANTS
+    with_plain = [suffix for suffix in suffixes if not set(_WITHOUT_PLAIN) & suffixes_of(f"{plain}{suffix}")]
+    return [*(f"{plain}{suffix}" for suffix in with_plain), *(f"{name}{suffix}" for name in others for suffix in suffixes)]
+
+
 def base_variant(name: str) -> str:
     """Returns the kernel variant (renderer/arrays/scene_features.py) of a name with `variant_suffix`."""
     return _split(name)[0]
+
+
+def suffixes_of(name: str) -> set[str]:
+    """Returns the suffixes of a name with `variant_suffix`."""
+    return set(_split(name)[1])
 
 
 def has_caustics(name: str) -> bool:

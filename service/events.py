@@ -16,6 +16,7 @@ from typing import Any, Literal, TypeVar
 from service.errors import FarmError
 
 __all__ = [
+    "ArtifactStored",
     "BlobsReleased",
     "Events",
     "FilmSuspected",
@@ -65,6 +66,13 @@ class BlobsReleased:
     """
 
     references: Counter[str]
+
+
+@dataclass(frozen=True, slots=True)
+class ArtifactStored:
+    """An artifact is in use, to whose blob no database row refers, until it is released by BlobsReleased."""
+
+    sha256: str
 
 
 @dataclass(frozen=True, slots=True)

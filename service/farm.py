@@ -22,7 +22,7 @@ from service.access.quotas import Limits, Quotas
 from service.access.redis_users import RedisUsers
 from service.access.worker_channels import WorkerChannels
 from service.errors import Conflict, FarmError, StartupError
-from service.events import BlobsReleased, Events
+from service.events import ArtifactStored, BlobsReleased, Events
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
 from service.maintenance.deleting import JobDeleter
@@ -98,6 +98,7 @@ class Farm:
         """Creates the stores of blobs, films and kernels."""
         self.blobs = open_blobs(settings)
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline, self.owning.guard)
+        self.events.subscribe(ArtifactStored, self.garbage.handle_artifact)
         self.events.subscribe(BlobsReleased, self.garbage.handle_release, in_background=True)
         self.reserve = Reserve(settings.data / "reserve")
         self.snapshots = FilmSnapshots(settings.data / "snapshots", settings.snapshot_bytes, settings.min_free_bytes)

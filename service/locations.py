@@ -11,7 +11,7 @@ from pathlib import Path
 
 import platformdirs
 
-__all__ = ["SOURCE_CHECKOUT", "default_data_folder", "shipped_folder", "sqlite_url"]
+__all__ = ["SOURCE_CHECKOUT", "data_folder_without_variable", "default_data_folder", "shipped_folder", "sqlite_url"]
 
 _PACKAGE = Path(__file__).resolve().parent
 _PACKAGE_PARENT = _PACKAGE.parent
@@ -31,6 +31,11 @@ def default_data_folder() -> Path:
     named = os.environ.get("RAYFARM_DATA")
     if named:
         return Path(named).expanduser().resolve()
+    return data_folder_without_variable()
+
+
+def data_folder_without_variable() -> Path:
+    """Returns the data folder that is used if $RAYFARM_DATA is not set."""
     return SOURCE_CHECKOUT / "data" if SOURCE_CHECKOUT else platformdirs.user_data_path("rayfarm", appauthor=False)
 
 

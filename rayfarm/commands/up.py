@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shlex
 import ssl
+import sys
 import time
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,9 +25,10 @@ from rayfarm.machine import StopSignals, cores, has_screen
 if TYPE_CHECKING:
     from rayfarm.local.farm import LocalFarm, Tls
 
-__all__ = ["register"]
+__all__ = ["open_command", "register"]
 
 COMPILING_S = 600.0
+NOTE_AFTER_S = 5.0  # kernels from the cache are ready before
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -107,6 +111,7 @@ def up(
             tls,
             program_for(blender, blender_program, print_progress),
             gpu,
+            open_command(sys.argv[1:]),
         )
         try:
             farm.start(signals.stop)
@@ -114,7 +119,7 @@ def up(
                 _summary(farm, folder)
                 if browser and has_screen():
                     webbrowser.open(farm.login_link(farm.url) or farm.url)
-                if slots and farm.wait_until(farm.worker_ready, "worker", signals.stop, COMPILING_S):
+                if slots and farm.wait_until(_with_note(farm.worker_ready), "worker", signals.stop, COMPILING_S):
                     count = "one worker slot" if slots == 1 else f"{slots} worker slots"
                     out.print(f"Ready after {time.monotonic() - begun:.1f} s with {count}. Ctrl-C stops the farm.")
                 elif not slots:
@@ -126,6 +131,22 @@ def up(
             print_progress("Stopping (Ctrl-C again: at once) ...")
             farm.stop(signals.is_immediate)
     print_progress("Stopped. Nothing is left running.")
+
+
+def _with_note(ready: Callable[[], bool]) -> Callable[[], bool]:
+    """Returns `ready` with a note about the compilation of kernels, which is printed once if it is false for NOTE_AFTER_S."""
+    begun, is_noted = time.monotonic(), False
+
+    def check() -> bool:
+        nonlocal is_noted
+        if ready():
+            return True
+        if not is_noted and time.monotonic() - begun > NOTE_AFTER_S:
+            is_noted = True
+            out.print("Compiling kernels, about half a minute at the first start. Scenes can be opened meanwhile.")
+        return False
+
+    return check
 
 
 def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
@@ -146,18 +167,32 @@ def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
     return Tls(certificate.resolve(), key.resolve())
 
 
+def open_command(arguments: list[str]) -> str:
+    """Returns the shell command that starts this farm so that other machines reach it. arguments: those of this process."""
+    kept, is_value = [], False
+    for each in arguments:
+        if not is_value and each != "--host" and not each.startswith("--host="):
+            kept.append(each)
+        is_value = each == "--host"
+    folder = os.environ.get("RAYFARM_DATA")
+    variable = f"RAYFARM_DATA={shlex.quote(folder)} " if folder else ""
+    return f"{variable}{PROGRAM} {shlex.join([*kept, '--host', '0.0.0.0'])}"
+
+
 def _summary(farm: LocalFarm, folder: Path) -> None:
+    from service.joining import data_variable
+
     def line(title: str, text: str) -> None:
         out.print(f"  {title:<15} {text}", markup=False, soft_wrap=True)
 
     out.print(f"\n[bold]Rayfarm[/bold] is up at [bold]{farm.url}[/bold]\n")
     if (link := farm.login_link(farm.public_url)) is not None:
         line("Log in", link)
-        line("", f"(works once, for a day; `{PROGRAM} user link` prints another, `{PROGRAM} user add` lets others in)")
+        program = f"{data_variable(folder)}{PROGRAM}"
+        line("", f"(works once, for a day; `{program} user link` prints another, `{program} user add` lets others in)")
     line("API", f"{farm.url}/docs/")
     if farm.host in LOOPBACK:
-        line("Add a machine", "start with --host 0.0.0.0, which prints the command for it")
+        line("Add a machine", f"{farm.open_command}, which prints the command for it")
     else:
         line("Add a machine", f"RAYFARM_TOKEN={farm.secrets.token} {PROGRAM} worker --join {farm.public_url}")
-    line("Data and logs", str(folder))
-    line("Kernels", "loading; the first start compiles them, in about half a minute, while scenes can be opened\n")
+    line("Data and logs", f"{folder}\n")

@@ -25,6 +25,7 @@ from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
 from rayfarm.login import link_of, owner_token
 from service.access.redis_care import end_blocking_script, is_busy
 from service.access.roles import OWNER
+from service.joining import START_VARIABLE, URL_VARIABLE
 from worker.exchange.trust import TRUST_VARIABLE
 
 __all__ = ["LocalFarm", "Tls", "free_port"]
@@ -49,7 +50,8 @@ class LocalFarm:
     """A farm on this machine with one data folder. The caller must hold `state.locked(data)`.
 
     port: 0: any free one. slots: 0: no worker. say: called with sentences about events. names: further host names of the service.
-    tls: enables HTTPS. blender: program with which the worker opens .blend files. gpu: the worker's option --gpu.
+    tls: enables HTTPS. blender: program with which the worker opens .blend files. gpu: the worker's option --gpu. open_command:
+    shell command that starts this farm for other machines, which the page shows if they do not reach it.
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class LocalFarm:
         tls: Tls | None = None,
         blender: str | None = None,
         gpu: str = "auto",
+        open_command: str = "",
     ) -> None:
         self.data = data
         self.host = host
@@ -71,10 +74,11 @@ class LocalFarm:
         self.slots = slots
         self.blender = blender
         self.gpu = gpu
+        self.open_command = open_command
         self.secrets = secrets_of(data)
         self.port = port or free_port(host)
         if port and not _is_free(host, port):
-            raise CommandError(f"Port {port} of {host} is in use by another program. Choose another with --port.")
+            raise CommandError(_port_in_use(host, port, "https" if tls else "http"))
         if not (self.secrets.redis_port and _is_free(host, self.secrets.redis_port)):
             self.secrets.redis_port = free_port(host)
             save_secrets(data, self.secrets)
@@ -86,8 +90,7 @@ class LocalFarm:
     @property
     def url(self) -> str:
         """URL of the farm for a browser on this machine."""
-        host = "127.0.0.1" if self.host in WILDCARD_ADDRESSES else self.host
-        return f"{self._scheme}://{f'[{host}]' if ':' in host else host}:{self.port}"
+        return f"{self._scheme}://{_url_host(self.host)}:{self.port}"
 
     @property
     def public_url(self) -> str:
@@ -126,6 +129,8 @@ class LocalFarm:
             "RAYFARM_TOKEN": self.secrets.token,
             "RAYFARM_HOST": listening,
             "RAYFARM_PORT": str(self.port),
+            START_VARIABLE: self.open_command if self.host in broker.LOOPBACK else "",
+            URL_VARIABLE: "" if self.host in broker.LOOPBACK else self.public_url,
             "PYTHONUNBUFFERED": "1",
         }
         if self.names:
@@ -323,6 +328,35 @@ def _is_free(host: str, port: int) -> bool:
                 ) from error
             return False
     return True
+
+
+def _port_in_use(host: str, port: int, scheme: str) -> str:
+    """Returns the error for a port in use: whether a farm answers there, and a free port."""
+    url = f"{scheme}://{_url_host(host)}:{port}"
+    free = f"--port {_free_port_after(host, port)}"
+    if _is_farm(url):
+        return f"Port {port} of {host} is in use by another farm. Open {url} for that one, or start this one with {free}."
+    return f"Port {port} of {host} is in use by another program (`lsof -i :{port}` names it). Start with {free}."
+
+
+def _is_farm(url: str) -> bool:
+    """Returns True if a farm answers at a URL."""
+    try:
+        answer = httpx.get(f"{url}/api/session", timeout=2.0, verify=False, trust_env=False).json()
+    except (httpx.HTTPError, httpx.InvalidURL, ValueError):
+        return False
+    return isinstance(answer, dict) and {"login", "role", "kind"} <= answer.keys()
+
+
+def _free_port_after(host: str, port: int) -> int:
+    """Returns the next free port above a port; 0, with which the system chooses one, if the next hundred are in use."""
+    return next((each for each in range(port + 1, min(port + 100, 65535)) if _is_free(host, each)), 0)
+
+
+def _url_host(host: str) -> str:
+    """Returns the host part of a URL with which this machine reaches a listening address."""
+    host = "127.0.0.1" if host in WILDCARD_ADDRESSES else host
+    return f"[{host}]" if ":" in host else host
 
 
 def free_port(host: str) -> int:

@@ -98,8 +98,10 @@ def locked_folder(data: Path) -> Iterator[None]:
         except BlockingIOError:
             other = running_farm(data)
             where = f" at {other.url} (process {other.pid})" if other else ""
+            use = f"Open {other.url}" if other else "Use that one"
             raise CommandError(
-                f"A farm already runs on {data}{where}. Use that one, stop it, or start another with --data and --port."
+                f"A farm already runs on {data}{where}. {use}, stop it (Ctrl-C in its terminal), "
+                "or start a second one with --data FOLDER --port N."
             ) from None
         try:
             yield

@@ -160,6 +160,11 @@ class Device:
         self._allocated.add(address.value)
         return address.value
 
+    def clear(self, address: int, size: int) -> None:
+        """Sets `size` bytes of GPU memory at `address` to 0."""
+        if size:
+            self._call_in_context("cuMemsetD8_v2", _Pointer(address), ctypes.c_ubyte(0), ctypes.c_size_t(size))
+
     def download(self, address: int, array: npt.NDArray[Any]) -> None:
         """Copies GPU memory at `address` into a C-contiguous array, after the kernels launched before have ended."""
         if array.nbytes:

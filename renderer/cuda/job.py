@@ -44,11 +44,13 @@ def wave_for(
     paths: int,
     second: bool = False,
     recorded: int = 0,
+    draft_exposure: float | None = None,
 ) -> Wave:
     """Returns the Wave that renders a batch of a tile of width x height pixels into a zeroed film, `paths` - 1 paths at once.
 
     scene: with a compressed tree, in the form that the variant's kernels expect. recorded: number of columns of the records of
-    samples; 0 for no records. The rows and lists of the paths are not initialised.
+    samples; 0 for no records. draft_exposure: of a draft of the film, in stops; None: no draft. The rows and lists of the paths
+    and the draft are not initialised.
     """
     pool, lists = np.empty((_columns(scene, options), 2 * paths), np.float32), np.empty((LISTS, 2 * paths), np.uint32)
     lengths, branches = np.zeros(LISTS, np.int64), np.empty(paths, np.int64)
@@ -56,7 +58,10 @@ def wave_for(
     film = np.zeros((planes, height, width), np.int64)
     counters = np.zeros(COUNTERS, np.int64)
     records = np.full((width * height * batch.count if recorded else 0, recorded or 2), NOT_FINITE, np.uint32)
-    return Wave(scene, camera, options, batch, film, counters, pool, lists, lengths, branches, records, np.bool_(second))
+    draft = np.empty((0, 0) if draft_exposure is None else (height, width), np.uint32)
+    draft_scale = np.float32(2.0 ** (draft_exposure or 0.0)) / options.scale
+    arrays = film, counters, pool, lists, lengths, branches, records
+    return Wave(scene, camera, options, batch, *arrays, np.bool_(second), draft, draft_scale)
 
 
 def wave_type(variant: str) -> Any:

@@ -31,6 +31,7 @@ from renderer.threads import Team
 
 __all__ = ["CardError", "CardMemoryError", "CardRenderer", "Rendered"]
 
+_KEPT = "film", "draft", "pool", "lists", "branches"  # fields of a Wave whose GPU memory is kept
 _OUT_OF_MEMORY = "CUDA_ERROR_OUT_OF_MEMORY"
 _ENTRY = re.compile(r"\.entry (\w+)\(")
 _PARAMETER = re.compile(r"\b\w+_param_0\[(\d+)\]")
@@ -67,7 +68,7 @@ class CardRenderer:
         self._kernels: dict[str, tuple[dict[str, Kernel], int]] = {}  # of a variant: its kernels by name, and their wave's size
         # The arrays in the card's memory by their place in the CPU's. They are kept, so that no other array takes their place.
         self._arrays: dict[tuple[int, int], tuple[npt.NDArray[Any], int]] = {}
-        self._rows: tuple[list[int], list[int]] = [], []  # of a Wave's arrays for paths: their sizes in bytes, and addresses
+        self._kept: dict[str, tuple[int, int]] = {}  # of a Wave's field: the bytes of its array, and the address
         self._tree: tuple[Bvh, Bvh] | None = None  # of the last scene: the CPU's, and the compressed one
 
     def has_kernel(self, variant: str) -> bool:
@@ -107,8 +108,36 @@ class CardRenderer:
 
         scene: in the form that the variant's kernels expect (`strip_absent_features`). recorded: as for `wave_for`.
         """
-        try:
+        with self._card_errors():
             return self._render(scene, variant, camera, options, batch, width, height, recorded)
+
+    def render_draft(
+        self,
+        scene: CompiledScene,
+        variant: str,
+        camera: Camera,
+        options: Options,
+        batch: Batch,
+        width: int,
+        height: int,
+        exposure: float,
+    ) -> npt.NDArray[np.uint32]:
+        """Renders a batch as `render` does; returns its draft (renderer/kernel/draft.py), (height, width) uint32.
+
+        Only the draft is copied from the card. exposure: of the draft, in stops. Raises CardError.
+        """
+        with self._card_errors():
+            paths, wave = self._wave(scene, options, batch, width, height, camera=camera, draft_exposure=exposure)
+            with self._launched(wave, variant, paths) as own:
+                self._launch(variant, "encode_draft", packed(wave, self._addresses(own)), width * height)
+                self._device.download(own[id(wave.draft)], wave.draft)
+        return wave.draft
+
+    @contextlib.contextmanager
+    def _card_errors(self) -> Iterator[None]:
+        """Context manager that raises the driver's errors as CardError."""
+        try:
+            yield
         except DriverError as error:
             number, name = self.card.number, self.card.name
             if error.code == _OUT_OF_MEMORY:
@@ -129,7 +158,7 @@ class CardRenderer:
     def close(self) -> None:
         """Frees the memory and kernels on the graphics card."""
         self._arrays.clear()
-        self._rows = [], []
+        self._kept.clear()
         self._tree = None
         self._device.close()
 
@@ -144,12 +173,25 @@ class CardRenderer:
         height: int,
         recorded: int,
     ) -> Rendered:
+        paths, wave = self._wave(scene, options, batch, width, height, camera=camera, recorded=recorded)
+        with self._launched(wave, variant, paths) as own:
+            return self._rendered(own, wave)
+
+    def _wave(
+        self, scene: CompiledScene, options: Options, batch: Batch, width: int, height: int, **more: Any
+    ) -> tuple[int, Wave]:
+        """Returns the rows for first branches of a batch's paths, and its Wave. more: as for `wave_for`."""
         paths = paths_for(width * height * batch.count, self.card.memory, bytes_per_path(scene, options))
         scene = scene._replace(bvh=self._compressed(scene.bvh))
-        wave = wave_for(scene, camera, options, batch, width, height, paths, recorded=recorded)
+        return paths, wave_for(scene, options=options, batch=batch, width=width, height=height, paths=paths, **more)
+
+    @contextlib.contextmanager
+    def _launched(self, wave: Wave, variant: str, paths: int) -> Iterator[dict[int, int]]:
+        """Context manager in which the kernels that render a Wave have been launched. Yields the GPU memory: id -> address."""
         self._free_others(wave)
-        with self._results(wave.film, wave.counters, wave.lengths, wave.records) as own:
-            own.update(self._path_memory(wave))
+        with self._results(wave.counters, wave.lengths, wave.records) as own:
+            own.update(self._kept_memory(wave))
+            self._device.clear(own[id(wave.film)], wave.film.nbytes)
             address = self._addresses(own)
             data = [packed(wave._replace(second=np.bool_(second)), address) for second in (False, True)]
 
@@ -161,11 +203,11 @@ class CardRenderer:
                 self._launch(variant, kernel, data[second], threads)
 
             take_turns(launch, count_active, wave.scene, wave.options, paths)
-            return self._rendered(own, wave)
+            yield own
 
     @contextlib.contextmanager
     def _results(self, *arrays: npt.NDArray[Any]) -> Iterator[dict[int, int]]:
-        """Context manager of the GPU memory of the arrays that a batch changes: id -> address, freed at the end."""
+        """Context manager of the GPU memory of small arrays that a batch changes: id -> address, freed at the end."""
         own: dict[int, int] = {}
         try:
             for array in arrays:
@@ -175,18 +217,18 @@ class CardRenderer:
             for address in own.values():
                 self._device.free(address)
 
-    def _path_memory(self, wave: Wave) -> dict[int, int]:
-        """Returns the GPU memory of a Wave's rows: id -> address. It is kept for the next one of the same size."""
-        arrays = wave.pool, wave.lists, wave.branches
-        sizes = [array.nbytes for array in arrays]
-        if self._rows[0] != sizes:
-            for address in self._rows[1]:
-                self._device.free(address)
-            self._rows = [], []
-            addresses: list[int] = []
-            self._rows = sizes, addresses
-            addresses += (self._device.allocate(array.nbytes) for array in arrays)
-        return {id(array): address for array, address in zip(arrays, self._rows[1], strict=True)}
+    def _kept_memory(self, wave: Wave) -> dict[int, int]:
+        """Returns the GPU memory of a Wave's film, draft and rows: id -> address. It is kept for arrays of the same sizes."""
+        own: dict[int, int] = {}
+        for name in _KEPT:
+            array = getattr(wave, name)
+            size, address = self._kept.get(name, (-1, 0))
+            if size != array.nbytes:
+                if self._kept.pop(name, None):
+                    self._device.free(address)
+                self._kept[name] = array.nbytes, self._device.allocate(array.nbytes)
+            own[id(array)] = self._kept[name][1]
+        return own
 
     def _addresses(self, own: dict[int, int]) -> Callable[[npt.NDArray[Any]], int]:
         """Returns a function that returns an array's address in GPU memory, after uploading it if it is not there.

@@ -11,12 +11,23 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.image.tonemap import decode_srgb, encode_srgb
+from renderer.image.tonemap import encode_srgb
+from renderer.preview_mesh import NO_TEXTURE, PreviewLamp, PreviewMaterial, PreviewMesh, PreviewPart
 from renderer.scene.curve_meshes import has_curves, round_tubes
-from renderer.scene.description import Image, Instance, Material, Mesh, SceneDescription, Texture
-from renderer.scene.studio import STUDIO
+from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Sphere
+from renderer.scene.preview_light import (
+    emitted_power,
+    environment_texels,
+    is_studio,
+    lamp_of_mesh,
+    lamp_of_sphere,
+    lamps_of,
+    strongest,
+)
+from renderer.scene.preview_materials import PreviewSurface, preview_surface
+from renderer.scene.preview_textures import Textures
 
-__all__ = ["MOST_TRIANGLES", "Preview", "preview"]
+__all__ = ["MOST_TRIANGLES", "preview"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -24,23 +35,12 @@ U8 = npt.NDArray[np.uint8]
 
 MOST_TRIANGLES = 1_000_000
 FEWEST = 24  # triangles of a decimated mesh
-TEXTURED_VERTICES = 50_000  # coarser textured meshes are subdivided, since colours are those of vertices
-MOST_ROUNDS = 6  # of subdivision
 MOST_INSTANCES = 50_000  # further instances are not shown
 MOST_SPHERES = 2_000
-RINGS = 12  # of a sphere
-METAL = (0.7, 0.7, 0.7)  # conductors have no base colour
-SHADED, UNSHADED = 255, 0
-
-
-class Preview(NamedTuple):
-    """The preview's triangles in world space, with the fields of protocol.mesh.Mesh."""
-
-    positions: F64  # (V, 3)
-    normals: F32  # (V, 3)
-    colors: U8  # (V, 4)
-    triangles: npt.NDArray[np.uint32]  # (T, 3)
-    background: tuple[int, int, int] | None = None  # of the world
+MOST_EMITTERS = 1_000  # further ones light nothing
+RINGS, FEW_RINGS = 24, 12  # of a sphere, and of one among many
+FEW_SPHERES = 200
+HUGE, REACH = 50.0, 12.0  # radius of a wall, and how far it is drawn, by the distance from the camera to it
 
 
 class _Shape(NamedTuple):
@@ -52,40 +52,80 @@ class _Shape(NamedTuple):
     vertices: npt.NDArray[np.int64]  # of the mesh, for its colours and UVs
 
 
-def preview(
-    description: SceneDescription, max_triangles: int = MOST_TRIANGLES, textured_vertices: int = TEXTURED_VERTICES
-) -> Preview | None:
-    """Returns the scene's triangles, decimated to about `max_triangles`; None if it has no surface.
+class _Part(NamedTuple):
+    """Triangles in world space, with their material."""
 
-    textured_vertices: limit up to which the vertices of textured meshes, whose colours are per vertex, are subdivided.
-    """
+    positions: F64
+    normals: F32
+    colors: U8
+    uvs: F32 | None
+    triangles: npt.NDArray[np.uint32]
+    material: PreviewMaterial
+
+
+def preview(description: SceneDescription, max_triangles: int = MOST_TRIANGLES) -> PreviewMesh | None:
+    """Returns the scene's triangles, decimated to about `max_triangles`; None if it has no surface."""
     meshes = [_tubes_of_some(mesh, max_triangles) if has_curves(mesh) else mesh for mesh in description.meshes]
     description = replace(description, meshes=meshes)
     shown = description.instances if description.subject is None else description.instances[:-1]  # without the studio's floor
     used = [each for each in shown if len(description.meshes[each.mesh].triangles)]
     used = used[:: -(-len(used) // MOST_INSTANCES) or 1]
     share = max_triangles / max(sum(len(description.meshes[each.mesh].triangles) for each in used), 1)
-    meshes = _subdivided(description, used, textured_vertices)
+    textures = Textures(description)
+    surfaces = _Surfaces(description, textures)
     shapes: dict[int, _Shape] = {}
     colors: dict[tuple[int, int], U8] = {}
-    parts: list[Preview] = []
+    parts: list[_Part] = []
+    lit: list[tuple[Mesh, F64, Material]] = []
     for instance in used:
         mesh = meshes[instance.mesh]
         number, material = _material(description, instance)
-        if material.kind == "interface":
+        to_world = np.asarray(instance.transform, np.float64)
+        if max(material.emission) > 0.0:
+            lit.append((mesh, to_world, material))
+        if material.kind == "interface" or material.unseen:
             continue
         if instance.mesh not in shapes:
             shapes[instance.mesh] = _shape(mesh, share)
         shape = shapes[instance.mesh]
+        surface = surfaces.of(number, material, mesh, to_world)
         if (instance.mesh, number) not in colors:
-            colors[instance.mesh, number] = _colors(mesh, shape, material, description)
-        to_world = np.asarray(instance.transform, np.float64)
+            colors[instance.mesh, number] = _colors(mesh, shape, surface)
         positions = shape.positions @ to_world[:3, :3].T + to_world[:3, 3]
         normals = _unit(shape.normals @ _cofactors(to_world[:3, :3]).T)
-        parts.append(Preview(positions, normals, colors[instance.mesh, number], shape.triangles.astype(np.uint32)))
-    parts += _spheres(description)
+        uvs = _uvs(mesh, shape, surface)
+        parts.append(
+            _Part(positions, normals, colors[instance.mesh, number], uvs, shape.triangles.astype(np.uint32), surface.material)
+        )
+    parts += _spheres(description, surfaces)
     joined = _joined(parts)
-    return joined and joined._replace(background=_background(description))
+    if joined is None:
+        return None
+    bounds = np.stack([joined.positions.min(axis=0), joined.positions.max(axis=0)])
+    lamps = [*lamps_of(description, bounds), *_emitting_spheres(description, bounds)]
+    lamps += [lamp for each in lit[:MOST_EMITTERS] if (lamp := lamp_of_mesh(*each, bounds)) is not None]
+    emitted = sum(emitted_power(*each) for each in lit[:MOST_EMITTERS])
+    in_studio = is_studio(description, emitted, bounds)
+    return joined._replace(
+        textures=textures.encoded(),
+        lamps=strongest(lamps),
+        environment=environment_texels(description, in_studio),
+        studio=in_studio,
+    )
+
+
+class _Surfaces:
+    """The surfaces of a scene's materials, each computed once, for objects as large as the first one that has it."""
+
+    def __init__(self, description: SceneDescription, textures: Textures) -> None:
+        self._description, self._textures = description, textures
+        self._known: dict[int, PreviewSurface] = {}
+
+    def of(self, number: int, material: Material, mesh: Mesh, to_world: F64) -> PreviewSurface:
+        if number not in self._known:
+            size = np.abs(to_world[:3, :3]) @ np.ptp(mesh.positions.astype(np.float64), axis=0)
+            self._known[number] = preview_surface(material, self._description, self._textures, float(size.min()))
+        return self._known[number]
 
 
 def _tubes_of_some(mesh: Mesh, most: int) -> Mesh:
@@ -100,75 +140,31 @@ def _material(description: SceneDescription, instance: Instance) -> tuple[int, M
     return number, description.materials[number] if number < len(description.materials) else Material()
 
 
-def _subdivided(description: SceneDescription, used: list[Instance], most: int) -> list[Mesh]:
-    """Returns the scene's meshes, the textured ones of `used` with more vertices, at most `most` of them."""
-    textured = [each.mesh for each in used if _is_textured(description, each)]
-    meshes = list(description.meshes)
-    for _ in range(MOST_ROUNDS):
-        if 2 * sum(len(meshes[number].triangles) for number in textured) > most:  # a quick check
-            break
-        halved = {number: _halved(meshes[number]) for number in set(textured)}
-        if sum(len(halved[number].positions) for number in textured) > most:
-            break
-        meshes = [halved.get(number, mesh) for number, mesh in enumerate(meshes)]
-    return meshes
-
-
-def _is_textured(description: SceneDescription, instance: Instance) -> bool:
-    _, material = _material(description, instance)
-    texture = material.emission_texture if max(material.emission) > 0.0 else material.base_color_texture
-    return texture is not None and description.meshes[instance.mesh].uvs is not None
-
-
-def _halved(mesh: Mesh) -> Mesh:
-    """Returns the mesh with its edges halved, four triangles for each. New vertices follow the old ones."""
-    corners = mesh.triangles.astype(np.int64)
-    edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
-    keys, number = np.unique(edges[:, 0] * len(mesh.positions) + edges[:, 1], return_inverse=True)
-    ends = np.column_stack(np.divmod(keys, len(mesh.positions)))
-    ab, bc, ca = (len(mesh.positions) + number.reshape(-1, 3)).T
-    a, b, c = corners.T
-    triangles = np.concatenate([np.column_stack(each) for each in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
-
-    def with_middles(values: npt.NDArray[Any] | None) -> npt.NDArray[Any] | None:
-        return None if values is None else np.concatenate([values, values[ends].mean(axis=1, dtype=values.dtype)])
-
-    positions = with_middles(mesh.positions)
-    assert positions is not None
-    uvs, uvs1, colors = with_middles(mesh.uvs), with_middles(mesh.uvs1), with_middles(mesh.colors)
-    normals = None if mesh.normals is None else with_middles(_unit(mesh.normals))
-    return replace(
-        mesh, positions=positions, triangles=triangles.astype(np.int32), normals=normals, uvs=uvs, uvs1=uvs1, colors=colors
-    )
-
-
-def _background(description: SceneDescription) -> tuple[int, int, int] | None:
-    """Returns the world's colour around the horizon, sRGB; None for the studio and for skies."""
-    environment = description.environment
-    if environment is None:  # emitting surfaces alone may be accents, to which compiling adds the studio
-        return None if description.studio_for_accents and not description.lights else (0, 0, 0)
-    if environment.sky is not None:
-        return None
-    color = environment.strength * np.asarray(environment.color, np.float64)
-    if environment.image is not None:
-        image = description.images[environment.image]
-        if image.name == STUDIO:
-            return None
-        rows = len(image.pixels)
-        color = color * image.pixels[rows // 4 : -(-3 * rows // 4), ::8, :3].mean(axis=(0, 1), dtype=np.float64)
-    red, green, blue = np.rint(255 * encode_srgb(np.clip(np.nan_to_num(color), 0, 1).astype(np.float32))).astype(int).tolist()
-    return red, green, blue
-
-
-def _joined(parts: list[Preview]) -> Preview | None:
+def _joined(parts: list[_Part]) -> PreviewMesh | None:
+    """Joins parts, those of one material one after the other; blended ones last."""
     parts = [part for part in parts if len(part.positions) and np.isfinite(part.positions).all()]
     if not parts:
         return None
+    numbers: dict[PreviewMaterial, int] = {}
+    for part in parts:
+        numbers.setdefault(part.material, len(numbers))
+    parts.sort(key=lambda part: numbers[part.material])
     starts = np.cumsum([0, *(len(part.positions) for part in parts[:-1])])
-    triangles = np.concatenate([part.triangles + np.uint32(start) for part, start in zip(parts, starts, strict=True)])
-    positions = np.concatenate([part.positions for part in parts])
-    normals = np.concatenate([part.normals for part in parts])
-    return Preview(positions, normals, np.concatenate([part.colors for part in parts]), triangles)
+    ends = np.cumsum([3 * len(part.triangles) for part in parts])
+    last = {numbers[part.material]: int(end) for part, end in zip(parts, ends, strict=True)}
+    firsts = [0, *list(last.values())[:-1]]
+    uvs = None
+    if any(part.uvs is not None for part in parts):
+        uvs = np.concatenate([np.zeros((len(part.positions), 2), np.float32) if part.uvs is None else part.uvs for part in parts])
+    return PreviewMesh(
+        np.concatenate([part.positions for part in parts]),
+        np.concatenate([part.normals for part in parts]),
+        np.concatenate([part.colors for part in parts]),
+        np.concatenate([part.triangles + np.uint32(start) for part, start in zip(parts, starts, strict=True)]),
+        uvs,
+        tuple(PreviewPart(first, end - first, number) for first, (number, end) in zip(firsts, last.items(), strict=True)),
+        tuple(numbers),
+    )
 
 
 def _shape(mesh: Mesh, share: float) -> _Shape:
@@ -197,61 +193,92 @@ def _clustered(positions: F64, normals: F32, triangles: npt.NDArray[Any], cells:
     return _Shape(positions[first], normals[first], corners[kept], first)
 
 
-def _colors(mesh: Mesh, shape: _Shape, material: Material, description: SceneDescription) -> U8:
-    """Returns the colours of a shape's vertices: (V, 4)."""
-    emits = max(material.emission) > 0.0
-    base, texture = material.base_color, material.base_color_texture
-    if material.kind == "conductor":
-        base = METAL
-    if emits:
-        base, texture = material.emission, material.emission_texture
-    color = np.tile(np.asarray(base, np.float32), (len(shape.vertices), 1))
-    if texture is not None and mesh.uvs is not None and texture < len(description.textures):
-        color *= _nearest_texels(description.textures[texture], description.images, mesh, shape.vertices)
-    if mesh.colors is not None and not emits:
-        color *= mesh.colors[shape.vertices, :3]
-    shading = UNSHADED if emits or material.kind == "unlit" else SHADED
-    coded = np.rint(encode_srgb(np.clip(np.nan_to_num(color), 0.0, 1.0)) * 255.0).astype(np.uint8)
-    return np.column_stack([coded, np.full(len(coded), shading, np.uint8)])
+def _colors(mesh: Mesh, shape: _Shape, surface: PreviewSurface) -> U8:
+    """Returns the colours and opacities of a shape's vertices: (V, 4)."""
+    color = np.tile(np.asarray((*surface.color, surface.opacity), np.float32), (len(shape.vertices), 1))
+    if mesh.colors is not None:
+        color *= mesh.colors[shape.vertices]
+    if surface.material.alpha_mode == "opaque":
+        color[:, 3] = 1.0
+    color = np.clip(np.nan_to_num(color), 0.0, 1.0)
+    color[:, :3] = encode_srgb(color[:, :3])
+    return np.rint(255.0 * color).astype(np.uint8)
 
 
-def _nearest_texels(texture: Texture, images: list[Image], mesh: Mesh, vertices: npt.NDArray[np.int64]) -> F32:
-    """Returns a texture's nearest texels at the given vertices: linear (V, 3). All wrap modes are treated as repeat."""
-    uvs = mesh.uvs1 if texture.uv_set == 1 and mesh.uvs1 is not None else mesh.uvs
-    assert uvs is not None
-    image = images[texture.image]
-    a, b, c, d, e, f = texture.transform
-    u, v = np.nan_to_num(uvs[vertices].astype(np.float64)).T
-    height, width = image.pixels.shape[:2]
-    column = np.mod(a * u + b * v + c, 1.0) * width
-    row = np.mod(d * u + e * v + f, 1.0) * height
-    texel = image.pixels[row.astype(np.int64).clip(0, height - 1), column.astype(np.int64).clip(0, width - 1), :3]
-    if image.pixels.dtype.kind == "f":
-        return texel.astype(np.float32)
-    shares = texel.astype(np.float32) / np.float32(np.iinfo(image.pixels.dtype).max)
-    return decode_srgb(shares).astype(np.float32) if image.srgb else shares
+def _uvs(mesh: Mesh, shape: _Shape, surface: PreviewSurface) -> F32 | None:
+    """Returns the UVs of a shape's vertices, transformed as its textures are: (V, 2); None if it shows no textures."""
+    uvs = mesh.uvs1 if surface.uv_set == 1 and mesh.uvs1 is not None else mesh.uvs
+    material = surface.material
+    if uvs is None or max(material.texture, material.metallic_roughness_texture, material.emission_texture) == NO_TEXTURE:
+        return None
+    a, b, c, d, e, f = surface.transform
+    u, v = np.nan_to_num(uvs[shape.vertices].astype(np.float64)).T
+    return np.column_stack([a * u + b * v + c, d * u + e * v + f]).astype(np.float32)
 
 
-def _spheres(description: SceneDescription) -> list[Preview]:
-    polar = np.linspace(0.0, np.pi, RINGS + 1)
-    around = np.linspace(0.0, 2.0 * np.pi, 2 * RINGS, endpoint=False)
+def _spheres(description: SceneDescription, surfaces: _Surfaces) -> list[_Part]:
+    rings = RINGS if len(description.spheres) <= FEW_SPHERES else FEW_RINGS
+    polar = np.linspace(0.0, np.pi, rings + 1)
+    around = np.linspace(0.0, 2.0 * np.pi, 2 * rings, endpoint=False)
     theta, phi = (each.reshape(-1) for each in np.meshgrid(polar, around, indexing="ij"))
     unit = np.column_stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)])
-    ring, step = (each.reshape(-1) for each in np.meshgrid(np.arange(RINGS), np.arange(2 * RINGS), indexing="ij"))
-    a = ring * 2 * RINGS + step
-    b = ring * 2 * RINGS + (step + 1) % (2 * RINGS)
-    triangles = np.concatenate([np.column_stack([a, b, a + 2 * RINGS]), np.column_stack([b, b + 2 * RINGS, a + 2 * RINGS])])
+    ring, step = (each.reshape(-1) for each in np.meshgrid(np.arange(rings), np.arange(2 * rings), indexing="ij"))
+    a = ring * 2 * rings + step
+    b = ring * 2 * rings + (step + 1) % (2 * rings)
+    triangles = np.concatenate([np.column_stack([a, a + 2 * rings, b]), np.column_stack([b, a + 2 * rings, b + 2 * rings])])
     shape = _Shape(unit, unit.astype(np.float32), triangles, np.zeros(len(unit), np.int64))
-    plain = Mesh("sphere", np.zeros((1, 3), np.float32), np.zeros((0, 3), np.int32))
+    ball = Mesh("sphere", unit.astype(np.float32), triangles.astype(np.int32))
     found = []
     for sphere in description.spheres[:MOST_SPHERES]:
-        material = description.materials[sphere.material] if sphere.material < len(description.materials) else Material()
-        if material.kind != "interface":
-            color = _colors(plain, shape, material, description)
-            found.append(
-                Preview(np.asarray(sphere.center) + sphere.radius * unit, shape.normals, color, triangles.astype(np.uint32))
-            )
+        material = _material_of_sphere(description, sphere)
+        if material.kind != "interface" and not material.unseen:
+            surface = surfaces.of(sphere.material, material, ball, sphere.radius * np.eye(4))
+            own = _near_cap(description, sphere) or shape
+            positions = np.asarray(sphere.center) + sphere.radius * own.positions
+            color = _colors(ball, own, surface)
+            found.append(_Part(positions, own.normals, color, None, own.triangles.astype(np.uint32), surface.material))
     return found
+
+
+def _near_cap(description: SceneDescription, sphere: Sphere) -> _Shape | None:
+    """Returns the part of a unit sphere near the camera, if it is so large that it is a wall or the ground; else None."""
+    if not description.cameras:
+        return None
+    way = np.asarray(description.cameras[0].view.eye, np.float64) - np.asarray(sphere.center)
+    away = float(np.linalg.norm(way))
+    gap = abs(away - sphere.radius)
+    if sphere.radius < HUGE * gap or gap == 0.0:
+        return None
+    axis = way / away
+    across = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    across /= np.linalg.norm(across)
+    theta = np.repeat(np.geomspace(0.02, REACH, RINGS) * gap / sphere.radius, 2 * RINGS)[:, None]
+    phi = np.tile(np.linspace(0.0, 2.0 * np.pi, 2 * RINGS, endpoint=False), RINGS)[:, None]
+    rim = np.cos(theta) * axis + np.sin(theta) * (np.cos(phi) * across + np.sin(phi) * np.cross(axis, across))
+    ring, step = (each.reshape(-1) for each in np.meshgrid(np.arange(RINGS - 1), np.arange(2 * RINGS), indexing="ij"))
+    a = ring * 2 * RINGS + step
+    b = ring * 2 * RINGS + (step + 1) % (2 * RINGS)
+    first = np.arange(2 * RINGS)
+    centre = np.column_stack([np.full(len(first), len(rim)), first, np.roll(first, -1)])
+    triangles = np.concatenate(
+        [centre, np.column_stack([a, a + 2 * RINGS, b]), np.column_stack([b, a + 2 * RINGS, b + 2 * RINGS])]
+    )
+    positions = np.vstack([rim, axis])
+    return _Shape(positions, positions.astype(np.float32), triangles, np.zeros(len(positions), np.int64))
+
+
+def _emitting_spheres(description: SceneDescription, bounds: F64) -> list[PreviewLamp]:
+    """Returns the spheres that shine as lamps. bounds: (2, 3), of what is seen."""
+    found = []
+    for sphere in description.spheres[:MOST_EMITTERS]:
+        material = _material_of_sphere(description, sphere)
+        if max(material.emission) > 0.0:
+            found.append(lamp_of_sphere(sphere, material, bounds))
+    return found
+
+
+def _material_of_sphere(description: SceneDescription, sphere: Sphere) -> Material:
+    return description.materials[sphere.material] if sphere.material < len(description.materials) else Material()
 
 
 def _cofactors(matrix: F64) -> F64:

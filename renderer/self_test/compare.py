@@ -17,7 +17,7 @@ __all__ = ["judge"]
 def judge(card: Card, kernel: str, library: str = LIBRARY) -> Verdict:
     """Renders the scenes of a kernel with the CPU and with a graphics card, and compares the films. library: the driver's."""
     variant = base_variant(kernel)
-    pictures = [(scene, scene.compiled(), settings_for(kernel, scene)) for scene in scenes_for(kernel)]
+    pictures = [(scene, scene.compiled(kernel), settings_for(kernel, scene)) for scene in scenes_for(kernel)]
     whole = [Tile(0, 0, settings.width, settings.height) for _, _, settings in pictures]
     films = [
         render_batch(scene, settings, tile, 0, SPP, variant=variant).sums

@@ -50,24 +50,27 @@ _FLOOR, _LAMP = 0, 1  # materials; those of the balls follow
 class SelfTestScene(NamedTuple):
     """A scene of the self-test.
 
-    needs: fields of SceneFeatures that its kernel must have. has_casters: whether it is for kernels with CausticTables alone.
+    needs: fields of SceneFeatures that its kernel must have. has_caustics: False for what CausticTables do not support. views: of
+    a camera that moves.
     """
 
     name: str
     needs: tuple[str, ...]
     describe: Callable[[], SceneDescription]
     background: str = "visible"
-    has_casters: bool = False
+    has_caustics: bool = True
+    views: tuple[View, ...] = ()
 
-    def compiled(self) -> CompiledScene:
-        """Returns the compiled scene."""
-        return compile_scene(self.describe())
+    def compiled(self, kernel: str) -> CompiledScene:
+        """Returns the compiled scene; with casters, if the kernel of that name has CausticTables."""
+        made = self.describe()
+        return compile_scene(_with_casters(made) if has_caustics(kernel) else made)
 
 
 def scenes_for(kernel: str) -> list[SelfTestScene]:
     """Returns the scenes that a kernel can render. kernel: named as in renderer/variant_names.py."""
     has = KERNEL_VARIANTS[base_variant(kernel)]
-    found = [scene for scene in SCENES if scene.has_casters == has_caustics(kernel)]
+    found = [scene for scene in SCENES if scene.has_caustics or not has_caustics(kernel)]
     return [scene for scene in found if all(getattr(has, part) for part in scene.needs)]
 
 
@@ -82,6 +85,7 @@ def settings_for(kernel: str, scene: SelfTestScene) -> RenderSettings:
         max_depth=8,
         light_groups="lamp" if wanted.light_groups else "",
         background=scene.background,
+        views=scene.views,
     )
 
 
@@ -160,8 +164,13 @@ def _surfaces() -> SceneDescription:
     )
 
 
-def _casters() -> SceneDescription:
-    made = _room(_GREY, Material(kind="mirror", base_color=(0.9, 0.9, 0.9)), _GLASS, _GREY, vase=2)
+def _with_casters(made: SceneDescription) -> SceneDescription:
+    """Returns the scene with a ball and a box of glass, a mirror ball and a small lamp in front."""
+    glass, mirror = len(made.materials), len(made.materials) + 1
+    made.materials += [_GLASS, Material(kind="mirror", base_color=(0.9, 0.9, 0.9))]
+    made.spheres += [Sphere((1.0, 0.35, 1.9), 0.3, glass), Sphere((-0.9, 0.3, 2.0), 0.25, mirror)]
+    made.meshes.append(replace(shapes.cube("glass box"), material=glass))
+    made.instances.append(Instance(len(made.meshes) - 1, _placed(0.1, 0.3, 2.2, 0.2, 0.2, 0.2)))
     made.lights.append(Light("point", (4.0, 4.0, 4.0), (0.8, 3.0, 1.5)))
     return made
 
@@ -230,6 +239,10 @@ def _media() -> SceneDescription:
         _HALF_CLEAR,
         vase=2,
     )
+
+
+def _skin() -> SceneDescription:
+    return _room(Material(base_color=(0.8, 0.6, 0.4), subsurface=1.0, subsurface_radius=(0.2, 0.1, 0.05)))
 
 
 def _grids() -> SceneDescription:
@@ -312,25 +325,27 @@ def _hair(material: Material, aspect: float = 1.0) -> SceneDescription:
     return made
 
 
+_FULL = "textures", "lights", "layers"
 SCENES = (
     SelfTestScene("surfaces", (), _surfaces),
-    SelfTestScene("textures and layers", ("textures", "lights", "layers"), _layers),
-    SelfTestScene("instances and many lamps", ("textures", "lights", "layers", "instances"), _many),
-    SelfTestScene("motion", ("textures", "lights", "layers", "instances", "motion"), _motion),
-    SelfTestScene("media", ("textures", "lights", "layers", "media"), _media),
-    SelfTestScene("media in grids", ("textures", "lights", "layers", "media", "grids"), _grids),
-    SelfTestScene("small lamps in a medium", ("textures", "lights", "layers", "media", "pivots"), _pivots),
-    SelfTestScene("lamps behind glass", ("textures", "lights", "layers", "targets"), _targets),
-    SelfTestScene("caustics", ("textures", "lights", "layers"), _casters, has_casters=True),
-    SelfTestScene("light links", ("textures", "lights", "layers", "links"), _links),
-    SelfTestScene("visibility by kind of ray", ("textures", "lights", "layers", "visibility"), _visibility),
-    SelfTestScene("catchers", ("textures", "lights", "layers", "reflections"), _catchers, background="transparent"),
+    SelfTestScene("textures and layers", _FULL, _layers),
+    SelfTestScene("instances and many lamps", (*_FULL, "instances"), _many),
+    SelfTestScene("motion", (*_FULL, "instances", "motion"), _motion, has_caustics=False),
     SelfTestScene(
-        "hair", ("textures", "lights", "layers", "hair"), lambda: _hair(Material(kind="hair", base_color=(0.6, 0.4, 0.2)))
+        "a moving camera", (*_FULL, "instances", "motion"), _surfaces, views=(_VIEW, replace(_VIEW, eye=(0.4, 1.6, 5.0)))
     ),
+    SelfTestScene("media", (*_FULL, "media"), _media, has_caustics=False),
+    SelfTestScene("skin", (*_FULL, "media"), _skin),
+    SelfTestScene("media in grids", (*_FULL, "media", "grids"), _grids, has_caustics=False),
+    SelfTestScene("small lamps in a medium", (*_FULL, "media", "pivots"), _pivots, has_caustics=False),
+    SelfTestScene("lamps behind glass", (*_FULL, "targets"), _targets),
+    SelfTestScene("light links", (*_FULL, "links"), _links, has_caustics=False),
+    SelfTestScene("visibility by kind of ray", (*_FULL, "visibility"), _visibility, has_caustics=False),
+    SelfTestScene("catchers", (*_FULL, "reflections"), _catchers, background="transparent"),
+    SelfTestScene("hair", (*_FULL, "hair"), lambda: _hair(Material(kind="hair", base_color=(0.6, 0.4, 0.2)))),
     SelfTestScene(
         "hair of facets",
-        ("textures", "lights", "layers", "huang"),
+        (*_FULL, "huang"),
         lambda: _hair(Material(kind="hair", model="huang", base_color=(0.6, 0.4, 0.2), aspect_ratio=0.6, ior=1.55), aspect=0.6),
     ),
 )

@@ -155,6 +155,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/workers"): Need(Role.VIEW, workers=True),
     ("PATCH", "/api/workers/{name:path}"): ADMIN,
     ("GET", "/api/workers/{name:path}/log"): ADMIN,
+    ("GET", "/api/joining"): ADMIN,
     ("GET", "/api/sites"): VIEW,
     ("GET", "/api/shares"): VIEW,
     ("PUT", "/api/shares/{share}"): ADMIN,

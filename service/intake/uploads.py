@@ -148,7 +148,7 @@ def store_form(
         chosen = _strip_common_folder(files, main)
         if environment is not None and environment in files:
             environment = chosen.strip(environment)
-        name = title[:200] or _stated_name(chosen) or PurePosixPath(chosen.main).stem
+        name = title[:200] or _stated_name(chosen) or _archive_name(form) or PurePosixPath(chosen.main).stem
         with translated_disk_errors(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
             refs = _commit_files(chosen.files)
             up, floor = (
@@ -173,6 +173,17 @@ def _stated_name(chosen: _StrippedPaths) -> str:
     try:
         return plain_title(found[1])[:200] if found else ""
     except Invalid:  # for example with control characters
+        return ""
+
+
+def _archive_name(form: Form) -> str:
+    """Returns the name without suffix of the archive that is the whole upload; empty if the upload is something else."""
+    names = [PurePosixPath(safe_name(name)) for name, _ in form.files if name and not is_junk(safe_name(name))]
+    if len(names) != 1 or names[0].suffix.lower() not in ARCHIVE_SUFFIXES:
+        return ""
+    try:
+        return plain_title(names[0].stem)[:200]
+    except Invalid:
         return ""
 
 

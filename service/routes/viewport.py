@@ -1,7 +1,8 @@
 """WS /api/scenes/{id}/viewport: interactive views of a scene. No job is created, and nothing is stored.
 
 Messages: protocol/viewport.py; pictures: protocol/pictures.py. First a small picture is sent, then the whole view with an
-increasing number of samples. A picture contains the tiles whose samples have grown by half since they were last sent, and all
+increasing number of samples. With graphics cards, a draft of the view comes first, and all else when no further view has been
+requested for a while. A picture contains the tiles whose samples have grown by half since they were last sent, and all
 tiles that are complete. At most two pictures are unacknowledged, so a slow client gets fewer pictures, but never outdated ones.
 """
 
@@ -43,6 +44,7 @@ router = api_router()
 MAX_UNACKNOWLEDGED = 2
 STATE_EVERY_S = 0.2
 PEOPLE_EVERY_S = 0.1
+MAX_EXPOSURE = 32  # stops
 KEEP_ALIVE_EVERY_S = 5.0
 MAX_WAIT_S = 0.25
 PREPARING_POLL_S = 0.1
@@ -58,15 +60,17 @@ INVALID_MESSAGE = Sentence(
 
 
 class ViewIn(JobIn):
-    """A requested view: the fields of a job's request, and two of its own.
+    """A requested view: the fields of a job's request, and three of its own.
 
-    id: a number, chosen by the page. alpha: whether a transparent background is sent as alpha; otherwise it is visible.
+    id: a number, chosen by the page. alpha: whether a transparent background is sent as alpha; otherwise it is visible. draft:
+    exposure, in stops, for which drafts are encoded; null: none are sent.
     """
 
     id: int = Field(ge=0, lt=1 << 32)
     scene: str = Field("", max_length=100)
     noise: float | None = Field(None, gt=0, allow_inf_nan=False)
     alpha: bool = False
+    draft: float | None = Field(None, ge=-MAX_EXPOSURE, le=MAX_EXPOSURE, allow_inf_nan=False)
 
 
 Heights = Annotated[float, Field(ge=-100, le=100, allow_inf_nan=False)]  # lengths in heights of the picture
@@ -242,7 +246,7 @@ class _Viewer:
         ask: the requested view. makes: whether to create the scene with the requested lighting if it does not exist; otherwise
         the result is None then. tries_again: with `makes`, whether to prepare a scene again whose preparation failed.
         """
-        request = ask.model_dump(mode="json", exclude={"id", "alpha"})
+        request = ask.model_dump(mode="json", exclude={"id", "alpha", "draft"})
         lighting = self._farm.lighting
         row = None if tries_again else lighting.find_row(self._scene, request)
         if row is None and makes:
@@ -255,7 +259,7 @@ class _Viewer:
             self._held = row.id
         if row.status == "preparing":
             return None
-        return resolve_view(ask.id, request, row, ask.is_shot, ask.numbers()[0], ask.alpha)
+        return resolve_view(ask.id, request, row, ask.is_shot, ask.numbers()[0], ask.alpha, ask.draft)
 
     def release(self) -> None:
         """Releases the scene that was derived for the current view's lighting, so that it can be deleted."""

@@ -20,19 +20,20 @@ __all__ = ["scenes_of_examples"]
 
 
 def scenes_of_examples(paths: list[Path], visit: Visit, farm: Farm) -> list[list[str]]:
-    """Returns for each example the ids of the existing scenes with exactly its files, one at most in each project.
+    """Returns for each example the ids of the existing scenes with exactly its files.
 
     paths: scene files of the examples. Only scenes that the caller may see are returned, and none with another light or variant.
     """
     projects = ["", *farm.access.projects.visible_names(visit.sight)]
-    possible = [[id_in_project(project, _id_of(path)) for project in projects] for path in paths]
+    possible = [[id_in_project(project, id) for project in projects for id in _ids_of(path)] for path in paths]
     with farm.sessions() as session:
         existing = set(session.scalars(select(Scene.id).where(Scene.id.in_([id for ids in possible for id in ids]))))
     return [[id for id in ids if id in existing] for ids in possible]
 
 
 @cache
-def _id_of(path: Path) -> str:
-    """Returns the id of an example's scene outside of projects. Its files are read once."""
+def _ids_of(path: Path) -> tuple[str, str]:
+    """Returns the ids of an example's scene outside of projects: as it is opened, and as it is uploaded. Reads its files once."""
     files = [(name, file.read_bytes()) for name, file in files_of(path)]
-    return scene_id([BlobRef(name, hashlib.sha256(data).hexdigest(), len(data)) for name, data in sorted(files)], path.name, None)
+    refs = [BlobRef(name, hashlib.sha256(data).hexdigest(), len(data)) for name, data in sorted(files)]
+    return scene_id(refs, path.name, None), scene_id(refs, path.name, None, floor="auto")

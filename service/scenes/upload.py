@@ -15,13 +15,15 @@ from service.farm import Farm
 from service.intake.examples import examples, form_of
 from service.intake.projects import UploadOwner, id_in_project
 from service.intake.record import record
-from service.intake.uploads import Upload, receive_upload, store_form
+from service.intake.uploads import Upload, receive_upload, scene_id, store_form
 from service.jobs.lookup import find_scene, no_scene
 from service.store.disk_space import translated_disk_errors
 from service.store.models import Scene
 from telemetry import tracing
 
 __all__ = ["UploadRequest", "open_example", "upload"]
+
+NO_LIGHTS = "scene-without-light"  # code of renderer.scene.studio.NO_LIGHTS_WARNING
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,26 @@ def _owner(project: str, visit: Visit, farm: Farm) -> UploadOwner:
 
 def _record_scene(stored: Upload, owner: UploadOwner, visit: Visit, farm: Farm) -> Scene:
     farm.quotas.check_bytes(visit.caller, stored.size)
+    if (equal := _equal_scene(stored, owner.project, farm)) is not None:
+        return equal
     return record(replace(stored, id=id_in_project(owner.project, stored.id)), farm.sessions, farm.events, owner=owner)
+
+
+def _equal_scene(stored: Upload, project: str, farm: Farm) -> Scene | None:
+    """Returns the scene of the same files that was uploaded without a floor, or with floor "auto", if both have the same content.
+
+    They do if the files have light. Returns None if there is no such scene, or its light is not known.
+    """
+    if stored.floor == "on" or stored.strict or stored.environment is not None:
+        return None
+    other = None if stored.floor else "auto"
+    id = scene_id(stored.files, stored.main, None, stored.variant, stored.up, other)
+    with farm.sessions() as session:
+        scene = session.get(Scene, id_in_project(project, id))
+    if scene is None or scene.of is not None or scene.status != "ready" or scene.info is None:
+        return None
+    is_lit = all(getattr(warning, "code", "") != NO_LIGHTS for warning in scene.info.get("warnings", []))
+    return scene if is_lit and not scene.info.get("floor") else None
 
 
 def _record_upload_span(scene: Scene, begun: float, traceparent: str | None) -> None:

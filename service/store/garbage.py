@@ -21,7 +21,7 @@ from sqlalchemy import Select, Text, cast, or_, select
 from sqlalchemy.orm import Session
 
 from service.errors import FarmError
-from service.events import BlobsReleased
+from service.events import ArtifactStored, BlobsReleased
 from service.store.blobs import BlobStore
 from service.store.database import Sessions
 from service.store.models import Environment, Frame, Reference, Scene
@@ -108,6 +108,11 @@ class Garbage:
         with self._lock:
             if left := self._promised.pop(sha256, [])[times:]:
                 self._promised[sha256] = left
+
+    def handle_artifact(self, event: ArtifactStored) -> None:
+        """Does not delete an artifact's blob until it is released, if it was found unreferenced at the start of the service."""
+        with self._lock:
+            self._left.discard(event.sha256)
 
     def handle_release(self, event: BlobsReleased) -> None:
         """Removes one pin of each blob per counted reference of the event, and deletes blobs that are now unreferenced."""

@@ -1,4 +1,4 @@
-"""Divides a view into pieces to render: first a small picture, then the whole view with more and more samples.
+"""Divides a view into pieces to render: first a small picture or a draft, then the whole view with more and more samples.
 
 A piece is a range of samples of one tile. The first picture is as large as the farm can render in FIRST_PICTURE_S seconds at
 the measured cost of a sample. If the whole view takes much longer, a picture of medium size follows. The whole view is then
@@ -13,10 +13,11 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from renderer.settings import Tile, tiles_of
 
-__all__ = ["FIRST_PICTURE_S", "Level", "Passes", "Piece", "levels_of"]
+__all__ = ["FIRST_PICTURE_S", "DraftSize", "Level", "Passes", "Piece", "draft_size", "levels_of"]
 
 FIRST_PICTURE_S = 0.035
 PIECE_TARGET_S = 0.03
@@ -24,6 +25,9 @@ MESSAGE_TARGET_S = 0.1
 CARD_MESSAGE_TARGET_S = 0.06  # in one launch, after which a card is free for a new view
 MIN_PIXELS = 32 * 32  # pixels
 UNMEASURED_PIECES, MAX_CARD_PIECES = 16, 256  # of a message to a graphics card whose speed is unknown, and to any
+DRAFT_S = 0.02  # in which a card renders a draft
+DRAFT_SAMPLES = 4
+DRAFT_STEPS = 8  # sizes of drafts are multiples of the view's size divided by this, so that they seldom change
 MAX_LEVEL_RATIO = 8.0  # largest ratio of pixels between two levels
 
 
@@ -51,6 +55,25 @@ class Level:
     height: int
     samples: int
     tiles: list[Tile]
+
+
+class DraftSize(NamedTuple):
+    """Size of a draft. samples: per pixel."""
+
+    width: int
+    height: int
+    samples: int
+
+
+def draft_size(width: int, height: int, samples: int, cost_s: float) -> DraftSize:
+    """Returns the size of a view's draft: that of the view with up to DRAFT_SAMPLES samples, or less if the card is too slow.
+
+    width, height, samples: of the view. cost_s: seconds per sample of a pixel on the card.
+    """
+    affordable = DRAFT_S / (cost_s * width * height)  # samples per pixel of the view
+    scale = min(1.0, max(1, int(DRAFT_STEPS * math.sqrt(affordable))) / DRAFT_STEPS)
+    most = min(samples, DRAFT_SAMPLES)
+    return DraftSize(math.ceil(width * scale), math.ceil(height * scale), min(max(1, int(affordable)), most))
 
 
 def levels_of(width: int, height: int, samples: int, cost_s: float, slots: int, card_rate: float = 0.0) -> list[Level]:

@@ -14,7 +14,7 @@ __all__ = ["PendingMessage"]
 
 @dataclass
 class PendingMessage:
-    """A message sent to a worker: pieces of a view, a pixel to pick, a picture to denoise, or a frame to prepare.
+    """A message sent to a worker: pieces of a view, a draft, a pixel to pick, a picture to denoise, or a frame to prepare.
 
     view: number of the view for which it was sent. kind: the worker kind (renderer.jit.kind) that may answer it.
     """
@@ -26,6 +26,7 @@ class PendingMessage:
     pick: tuple[int, int] | None = None  # unanswered
     is_frame: bool = False
     denoises: bool = False
+    drafts: bool = False  # whether a draft is to answer it
     queue: str = ""  # where it was sent
     card: str = ""  # name of the worker whose graphics card is to answer it
     id: str = field(default_factory=lambda: uuid.uuid4().hex)
@@ -36,8 +37,11 @@ class PendingMessage:
     def requeue(self) -> None:
         """Gives the unanswered pieces back to the session, which sends them again if it still shows the same view.
 
-        Also gives back a pixel whose pick is unanswered, and ends a denoising without a picture.
+        Also gives back a pixel whose pick is unanswered, and ends a denoising without a picture, and a view's drafts.
         """
+        if self.drafts and self.view == self.session.view:
+            self.session.stop_drafts()
+        self.drafts = False
         if self.denoises and self.view == self.session.view:
             self.session.end_denoising(None)
         if self.pieces and self.session.passes is not None and self.view == self.session.view:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from service.scheduling.fleet.workers import WorkerSnapshot
 from service.viewing.view_request import ViewRequest
 
-__all__ = ["SampleCosts"]
+__all__ = ["SMOOTHING", "SampleCosts"]
 
 ASSUMED_S = 2.5e-6  # of a scene without measurements, if no worker has reported a lower cost
 MIN_S = 1e-9
@@ -19,7 +19,9 @@ class SampleCosts:
     Used in the scheduler's thread only.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, smoothing: float = SMOOTHING) -> None:
+        """smoothing: weight of the latest measurement."""
+        self._smoothing = smoothing
         self._known: dict[str, float] = {}
 
     def known(self, request: ViewRequest) -> float | None:
@@ -42,7 +44,7 @@ class SampleCosts:
         """Adds a measurement of the seconds per sample of a pixel, `cost_s`, to the running average of a scene."""
         name = _name(request)
         before = self._known.pop(name, cost_s)
-        self._known[name] = max(MIN_S, before + (cost_s - before) * SMOOTHING)
+        self._known[name] = max(MIN_S, before + (cost_s - before) * self._smoothing)
         if len(self._known) > MAX_SCENES:
             del self._known[next(iter(self._known))]
 

@@ -5,6 +5,7 @@ The scheduler's thread adds sums; threads of the event loop read pictures. A loc
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 import uuid
@@ -13,13 +14,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from protocol.pictures import ViewTile, encode_view
+from protocol.pictures import DraftHead, ViewTile, encode_draft, encode_view
 from protocol.viewport import Picked
 from renderer.film import Sums
 from renderer.settings import RenderSettings
 from service.viewing.canvas import GUIDE_SAMPLES, Canvas
 from service.viewing.denoised import DenoisedView
-from service.viewing.passes import Passes, Piece, levels_of
+from service.viewing.passes import DraftSize, Passes, Piece, levels_of
 from service.viewing.view_request import ViewRequest
 
 __all__ = ["ViewSession"]
@@ -27,6 +28,8 @@ __all__ = ["ViewSession"]
 SHOW_EVERY_S = 0.25  # while a picture is incomplete
 SHOW_CONVERGED_S = 2.0  # for a view that has been shown for long and changes slowly
 MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this time, so that dragging shows pictures
+MIN_DRAFT_WAIT_S = 2.0  # the same until its draft has come
+DRAFT_REST_S = 0.1  # after a draft, without a request for another view, until the view is rendered
 MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
 
 
@@ -63,20 +66,26 @@ class ViewSession:
         self._shown_samples = 0
         self._taken = 0.0
         self._denoised: DenoisedView | None = None  # None: the view is not denoised
+        self.draft_size: DraftSize | None = None  # of this view's draft; None: it has none
+        self._drafted = 0.0  # when that came; 0: not yet
+        self._draft: tuple[DraftHead, bytes] | None = None  # not taken yet; it may be of the previous view
+        self._undrafted = 0  # the latest view whose draft was lost
 
     @property
     def is_ready_for_next(self) -> bool:
         """Returns True if the requested view may replace the current one now.
 
         That is so once the current view has shown a picture, a denoised one if it is to be denoised, an error or a message, or
-        has run for MIN_PICTURE_WAIT_S seconds, or MIN_DENOISED_WAIT_S while its first picture is being denoised.
+        has run for MIN_PICTURE_WAIT_S seconds, MIN_DENOISED_WAIT_S while its first picture is being denoised, or MIN_DRAFT_WAIT_S
+        while its draft is being rendered.
         """
         if self.wanted is None:
             return False
         has_picture = self.has_picture if self._denoised is None else self._denoised.has_shown
         is_over = self.request is None or has_picture or self.error is not None or self.message is not None
         is_denoising = self._denoised is not None and self._denoised.means is not None
-        return is_over or time.monotonic() - self.begun > (MIN_DENOISED_WAIT_S if is_denoising else MIN_PICTURE_WAIT_S)
+        wait_s = MIN_DENOISED_WAIT_S if is_denoising else MIN_DRAFT_WAIT_S if self.draft_size else MIN_PICTURE_WAIT_S
+        return is_over or time.monotonic() - self.begun > wait_s
 
     def switch_to(self, request: ViewRequest, view: int) -> None:
         """Replaces the current view by a requested one, and discards its pictures. view: number of the new view."""
@@ -86,6 +95,7 @@ class ViewSession:
             self.message = self.error = None
             self.begun, self.has_picture = time.monotonic(), False
             self._canvases, self._shown, self._shown_samples = [], -1, 0
+            self.draft_size, self._drafted = None, 0.0
 
     def free_pictures(self) -> None:
         """Frees the pictures of a closed session at once, although other objects may still refer to the session."""
@@ -113,12 +123,14 @@ class ViewSession:
         slots: int,
         denoises: bool = False,
         card_rate: float = 0.0,
+        draft: DraftSize | None = None,
     ) -> None:
         """Sets what to render, and creates the view's resolution levels.
 
         compiled: SHA-256 of the compiled scene. kind: the worker kind (renderer.jit.kind) that renders it. cost_s: seconds per
         sample of a pixel on one slot. slots: number of slots of that kind. denoises: whether the view is denoised.
-        card_rate: samples of a pixel per second of graphics cards that render it, too.
+        card_rate: samples of a pixel per second of graphics cards that render it, too. draft: of the draft that precedes them, in
+        place of a small picture, unless the view is denoised, has alpha, or has lost one.
         """
         assert self.request is not None
         seen = replace(settings, light_groups="", light_paths="off", cryptomatte=0, deep=0)
@@ -127,8 +139,10 @@ class ViewSession:
         levels = levels_of(settings.width, settings.height, self.request.samples, cost_s, max(slots, 1), card_rate)
         with self._lock:
             self.settings, self.compiled, self.kind = seen, compiled, kind
-            self.passes = Passes(levels, cost_s)
             denoises = denoises and not seen.is_transparent  # the denoiser makes no alpha
+            if draft is not None and not denoises and not seen.is_transparent and self.view != self._undrafted:
+                self.draft_size, levels = draft, levels[-1:]
+            self.passes = Passes(levels, cost_s)
             self._canvases = [
                 Canvas(
                     level,
@@ -200,6 +214,29 @@ class ViewSession:
             self._denoised = None
 
     @property
+    def piece_wait_s(self) -> float:
+        """Seconds until the view's pieces may be sent; infinite until its draft has come."""
+        if self.draft_size is None:
+            return 0.0
+        return self._drafted + DRAFT_REST_S - time.monotonic() if self._drafted else math.inf
+
+    def put_draft(self, jpeg: bytes) -> None:
+        """Stores the view's draft, which is shown once, and replaces an earlier one that was not taken."""
+        assert self.request is not None
+        assert self.draft_size is not None
+        assert self.request.draft_exposure is not None
+        width, height, samples = self.draft_size
+        whole = self.request.settings.width, self.request.settings.height
+        head = DraftHead(self.request.id, 0, width, height, *whole, samples, self.request.draft_exposure)
+        with self._lock:
+            self._draft, self._drafted, self.has_picture = (head, jpeg), time.monotonic(), True
+
+    def stop_drafts(self) -> None:
+        """Renders the view without a draft, since that was lost, or no card makes it."""
+        self._undrafted = self.view
+        self.restart()
+
+    @property
     def is_denoised(self) -> bool:
         """Returns True if a denoised picture of the view has been taken."""
         denoised = self._denoised
@@ -209,13 +246,20 @@ class ViewSession:
     def samples(self) -> int:
         """Samples per pixel of the full-size view's tile that has the fewest."""
         with self._lock:
-            return self._canvases[-1].samples if self._canvases else 0
+            return max(self._canvases[-1].samples, self._draft_samples) if self._canvases else 0
 
     @property
     def mean_samples(self) -> float:
         """Samples per pixel of the full-size view, averaged over its pixels."""
         with self._lock:
-            return self._canvases[-1].mean_samples if self._canvases else 0.0
+            return max(self._canvases[-1].mean_samples, self._draft_samples) if self._canvases else 0.0
+
+    @property
+    def _draft_samples(self) -> int:
+        """Samples per pixel of the draft that has come, if it has the view's full size; otherwise 0."""
+        size, level = self.draft_size, self._canvases[-1].level
+        is_whole = size is not None and bool(self._drafted) and (size.width, size.height) == (level.width, level.height)
+        return size.samples if size is not None and is_whole else 0
 
     @property
     def noise(self) -> float | None:
@@ -237,7 +281,7 @@ class ViewSession:
     def is_picture_due(self) -> bool:
         """Returns True if it is time to send a picture."""
         with self._lock:
-            return self._has_denoised() or self._due_level() is not None
+            return self._draft is not None or self._has_denoised() or self._due_level() is not None
 
     def _has_denoised(self) -> bool:
         return self._denoised is not None and self._denoised.has_picture
@@ -245,6 +289,9 @@ class ViewSession:
     def take_packet(self, seq: int) -> bytes | None:
         """Returns the changed tiles of the picture as a packet with sequence number `seq`; None if no picture is due."""
         with self._lock:
+            if self._draft is not None:
+                (head, jpeg), self._draft = self._draft, None
+                return encode_draft(head._replace(seq=seq), jpeg)
             level = self._due_level()
             if self.request is not None and self._has_denoised():
                 return self._take_denoised(self.request, seq)
@@ -284,7 +331,7 @@ class ViewSession:
             canvas = self._canvases[level]
             if not canvas.changed:
                 continue
-            at_least = 2 * self._shown_samples if level == self._shown else 1
+            at_least = 2 * self._shown_samples if level == self._shown else max(self._draft_samples, 1)
             if canvas.samples >= max(at_least, 1) or canvas.is_complete:
                 return level
             may_be_mixed = level == self._shown or (level == len(self._canvases) - 1 and self._shown >= 0)

@@ -10,7 +10,7 @@ from protocol.contract import WorkerReport
 from renderer.settings import RenderSettings
 from service.scheduling.snapshot import SnapshotHolder
 from service.viewing.pending import PendingMessage
-from service.viewing.sample_costs import SampleCosts
+from service.viewing.sample_costs import SMOOTHING, SampleCosts
 from service.viewing.session import ViewSession
 from service.viewing.view_request import ViewRequest
 
@@ -22,6 +22,7 @@ BUSY_S = 1.0  # after that, for which a card gets pieces only of views that show
 REFUSAL_S = 60.0  # until a card that could not render a scene gets it again
 MAX_REFUSALS, MAX_WORKERS = 1000, 256
 FREE = ("width", "height", "view", "views", "seed", "film_exponent", "background")  # settings that no card refuses
+DRAFT_SMOOTHING = 0.7  # of the costs of drafts, whose launches cost more than their samples while they are small
 LEFT_OUT = ("light_groups", "light_paths", "cryptomatte", "deep")  # and those that views do not have
 
 
@@ -31,6 +32,7 @@ class ViewCards:
     def __init__(self, board: SnapshotHolder) -> None:
         self._board = board
         self._costs: dict[str, SampleCosts] = {}  # by worker
+        self._draft_costs: dict[str, SampleCosts] = {}  # likewise of drafts, whose sums are not copied from the card
         self._refusals: dict[tuple[str, str], float] = {}  # (worker, `_name`) -> time until which it counts
         self._answered: dict[str, float] = {}  # by worker, the time of its latest answer
         self._busy_until: dict[str, float] = {}  # by worker
@@ -47,18 +49,23 @@ class ViewCards:
         return [report for report in ready if self._refusals.get((report.name, name), 0.0) < now]
 
     def free(
-        self, session: ViewSession, out: Collection[PendingMessage], shared: Collection[str], has_cpu: bool
+        self,
+        session: ViewSession,
+        out: Collection[PendingMessage],
+        shared: Collection[str],
+        has_cpu: bool,
+        drafts: bool = False,
     ) -> WorkerReport | None:
         """Returns the report of a worker with a card that takes another message of the session's view; None if there is none.
 
         out: all messages that are not answered. shared: names of workers that have batches queued. has_cpu: whether CPU slots
-        render the view, too.
+        render the view, too. drafts: whether the message is for a draft.
         """
         if session.settings is None or session.request is None:
             return None
         for report in self.accepting(session.kind, session.compiled, session.settings):
             is_busy = has_cpu and self.is_busy(report.name)
-            if is_busy and not session.has_picture:
+            if (is_busy and not session.has_picture) or (drafts and not report.drafts_views):
                 continue
             is_unknown = self.cost_s(session.request, report.name) is None
             ahead = 1 if is_busy or is_unknown or (report.name in shared and session.samples) else AHEAD
@@ -98,9 +105,24 @@ class ViewCards:
 
     def update(self, request: ViewRequest, worker: str, cost_s: float) -> None:
         """Adds a measurement of the seconds per sample of a pixel, `cost_s`, on a worker's card."""
-        if worker not in self._costs and len(self._costs) >= MAX_WORKERS:
-            self._costs.clear()
-        self._costs.setdefault(worker, SampleCosts()).update(request, cost_s)
+        _update(self._costs, request, worker, cost_s)
+
+    def draft_cost_s(self, request: ViewRequest, kind: str, compiled: str, settings: RenderSettings) -> float | None:
+        """Returns the expected seconds per sample of a pixel of a draft; None without an idle card that makes one.
+
+        It is that of the slowest of the cards that have rendered the scene: any may render the draft. Arguments as for `rate`.
+        """
+        able = [report.name for report in self.accepting(kind, compiled, settings) if report.drafts_views]
+        costs = [self._draft_cost_s(request, name) for name in able if not self.is_busy(name)]
+        return max((cost for cost in costs if cost is not None), default=None)
+
+    def _draft_cost_s(self, request: ViewRequest, worker: str) -> float | None:
+        known = self._draft_costs[worker].known(request) if worker in self._draft_costs else None
+        return known or self.cost_s(request, worker)
+
+    def update_draft(self, request: ViewRequest, worker: str, cost_s: float) -> None:
+        """Adds a measurement of the seconds per sample of a pixel of a draft, `cost_s`, on a worker's card."""
+        _update(self._draft_costs, request, worker, cost_s, DRAFT_SMOOTHING)
 
     def rate(self, request: ViewRequest, kind: str, compiled: str, settings: RenderSettings) -> float:
         """Returns the samples of a pixel per second of all cards of this worker kind that render a view and are not busy.
@@ -109,6 +131,14 @@ class ViewCards:
         """
         idle = [report for report in self.accepting(kind, compiled, settings) if not self.is_busy(report.name)]
         return sum(report.slots / cost for report in idle if (cost := self.cost_s(request, report.name)))
+
+
+def _update(
+    costs: dict[str, SampleCosts], request: ViewRequest, worker: str, cost_s: float, smoothing: float = SMOOTHING
+) -> None:
+    if worker not in costs and len(costs) >= MAX_WORKERS:
+        costs.clear()
+    costs.setdefault(worker, SampleCosts(smoothing)).update(request, cost_s)
 
 
 def _name(compiled: str, settings: RenderSettings) -> str:

@@ -65,6 +65,7 @@ class ViewRequest:
     noise: float | None = None  # relative noise at which a tile is complete before it has all samples
     frame_request: FrameRequest | None = None  # None: the scene's first frame
     has_alpha: bool = False  # whether a transparent background is shown as such
+    draft_exposure: float | None = None  # in stops, of drafts; None: the page shows none
 
     def settings_at_frame(self, info: FrameInfo) -> RenderSettings:
         """Returns the render settings for a prepared animation frame. Raises SettingsError if the frame's view is invalid."""
@@ -72,13 +73,19 @@ class ViewRequest:
 
 
 def resolve_view(
-    id: int, request: dict[str, Any], scene: Scene, is_shot: bool, frame: float, has_alpha: bool = False
+    id: int,
+    request: dict[str, Any],
+    scene: Scene,
+    is_shot: bool,
+    frame: float,
+    has_alpha: bool = False,
+    draft_exposure: float | None = None,
 ) -> ViewRequest:
     """Resolves a page's request for a view of a scene that is ready, with the requested lighting. Raises Conflict and Invalid.
 
     id: the number that the page has chosen. request: a job's request (service.models.jobs.JobIn) as JSON. is_shot: whether an
     animation frame is requested instead of a still at the scene's start. frame: the frame number. has_alpha: whether the page
-    shows alpha.
+    shows alpha. draft_exposure: as in ViewRequest.
     """
     if scene.status == "failed":
         raise Conflict(Sentence("scene-not-renderable", "The scene cannot be rendered: {error}", error=scene.error))
@@ -102,4 +109,5 @@ def resolve_view(
     samples = min(request.get("spp") or MAX_SAMPLES, MAX_SAMPLES)
     compiled = {kind: str(ref["sha256"]) for kind, ref in scene.compiled.items()}
     upload, noise = scene.of or scene.id, request.get("noise")
-    return ViewRequest(id, upload, scene.id, settings, samples, compiled, request, noise, frame_request, has_alpha)
+    shown = has_alpha, draft_exposure
+    return ViewRequest(id, upload, scene.id, settings, samples, compiled, request, noise, frame_request, *shown)

@@ -9,10 +9,12 @@ with other waiting work, such as preparing the scene with other lighting.
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import redis
@@ -34,6 +36,7 @@ from protocol.view_parts import (
 from renderer.errors import SettingsError
 from renderer.film import ALBEDO, ALPHA_PLANES, CHANNELS, COLOR, NORMAL, SAMPLES, alpha_plane
 from renderer.sentences import Sentence, with_full_stop
+from renderer.settings import Tile
 from service.errors import QueueError
 from service.events import Events
 from service.scheduling.artifacts.unfit_machines import MachineFault, UnfitMachines
@@ -42,7 +45,7 @@ from service.scheduling.faults.redis_errors import redis_fault
 from service.scheduling.snapshot import SnapshotHolder
 from service.viewing.frame_cache import FrameCache
 from service.viewing.memory_limit import MEMORY_LIMIT_REACHED, fits_in_memory
-from service.viewing.passes import Piece
+from service.viewing.passes import Piece, draft_size
 from service.viewing.pending import PendingMessage
 from service.viewing.pending_frames import ANSWER_TIMEOUT_S, PendingFrames
 from service.viewing.picking import pick_message, record_pick
@@ -55,10 +58,11 @@ from service.viewing.waker import Waker
 
 __all__ = ["ViewScheduler"]
 
-IDLE_S = 0.2  # between two checks of sessions that wait for something
+MIN_IDLE_S, IDLE_S = 0.001, 0.2  # between two checks of sessions that wait for something
 KEY_TTL_S = 15
 ANSWERS_GRACE_S = 1.0  # after the last session closed, for answers on their way
 REVIEW_EVERY_S = 0.5
+DRAFT_SEND_TIMEOUT_S = 0.3  # for which a view waits for a card that has room for its draft
 LOST_AFTER_S = 3.0  # without a report of the message by any slot
 FAILURES_ALLOWED = 3
 
@@ -200,9 +204,9 @@ class ViewScheduler:
         self._ordered.clear()
         while self._orders:
             self._orders.popleft()()
+        self._take_back_late()
         for session in list(self._sessions.values()):
             self._switch_view(session)
-        self._take_back_late()
         self._send_pieces()
         if self._is_active:
             self._read_answers()
@@ -248,7 +252,12 @@ class ViewScheduler:
             return
         slots, cost_s = self._workers.slots(kind), self._costs.estimate(session.request, kind, self._board.roster)
         card_rate = self._cards.rate(session.request, kind, compiled, settings)
-        session.begin_rendering(settings, compiled, kind, cost_s, slots, denoises, card_rate)
+        draft = None
+        if session.request.draft_exposure is not None:
+            draft_cost_s = self._cards.draft_cost_s(session.request, kind, compiled, settings)
+            if draft_cost_s is not None:
+                draft = draft_size(settings.width, settings.height, session.request.samples, draft_cost_s)
+        session.begin_rendering(settings, compiled, kind, cost_s, slots, denoises, card_rate, draft)
         self._set_message(session, None, slots)
 
     def _send_pieces(self) -> None:
@@ -259,7 +268,9 @@ class ViewScheduler:
                 self._send_pick(session)
             if not session.is_paused:
                 self._send_denoise(session)
-        waiting = {each.id: each for each in self._sessions.values() if each.passes is not None and not each.is_paused}
+                self._send_draft(session)
+        shown = [each for each in self._sessions.values() if each.passes is not None and not each.is_paused]
+        waiting = {each.id: each for each in shown if each.piece_wait_s <= 0}
         while waiting:
             session = min(waiting.values(), key=lambda each: each.served)
             pieces, card = self._next_pieces(session)
@@ -347,6 +358,25 @@ class ViewScheduler:
             out = PendingMessage(session, session.view, session.kind, denoises=True)
             self._send(out, ViewDenoise(out.id, session.id, session.view, *size))
 
+    def _send_draft(self, session: ViewSession) -> None:
+        """Sends a message for the view's draft, once a card has room for it; if none has in time, the view has no draft."""
+        if session.draft_size is None or session.piece_wait_s < math.inf or session.settings is None or session.request is None:
+            return
+        if any(out.drafts and out.session is session for out in self._out.values()):
+            return
+        has_cpu = self._cpu_slots(session) > 0
+        card = self._cards.free(session, self._out.values(), self._shared_cards, has_cpu, drafts=True)
+        if card is None:
+            if time.monotonic() - session.begun > DRAFT_SEND_TIMEOUT_S:
+                session.stop_drafts()
+            return
+        width, height, samples = session.draft_size
+        out = PendingMessage(session, session.view, session.kind, drafts=True, queue=card_view_queue(card.name), card=card.name)
+        settings = replace(session.settings, width=width, height=height)
+        parts = [Part(0, Tile(0, 0, width, height), 0, samples)]
+        about = (out.id, session.id, session.view, session.compiled)
+        self._send(out, ViewParts(*about, settings, parts, on_card=True, draft=session.request.draft_exposure))
+
     def means(self, message: str) -> bytes | None:
         """Returns the picture that a worker is to denoise (ViewDenoise); None if the view has changed. message: its id."""
         out = self._out.get(message)
@@ -372,7 +402,9 @@ class ViewScheduler:
             self._frames.remove(self._dispatcher.withdraw(queue, {out.id for out in gone}))
 
     def _read_answers(self) -> None:
-        found: Any = None if self._ordered.is_set() else self._redis.blpop([VIEW_ANSWERS], timeout=IDLE_S)
+        waits = [wait for each in self._sessions.values() if (wait := each.piece_wait_s) > 0]
+        idle_s = max(MIN_IDLE_S, min([IDLE_S, *waits]))  # 0 would wait without end
+        found: Any = None if self._ordered.is_set() else self._redis.blpop([VIEW_ANSWERS], timeout=idle_s)
         data: Any = found[1] if found else self._redis.lpop(VIEW_ANSWERS)  # at least one, even if orders never stop
         while data is not None:
             if data:
@@ -410,6 +442,8 @@ class ViewScheduler:
                 self._out.pop(out.id, None)
                 session.end_denoising(answer.sums)
                 session.wake()
+            case "draft":
+                self._handle_draft(out, answer)
             case "over":
                 self._end_message(out)
             case "declined" | "failed" | "returned" if out.card:
@@ -433,18 +467,20 @@ class ViewScheduler:
 
     def _handle_declined(self, out: PendingMessage, answer: ViewAnswer) -> None:
         """Queues the pieces of a message again that a graphics card does not render now, or not at all."""
+        is_loading = answer.more.get("is_loading") is True
+        if not is_loading:
+            self._cards.refuse(out.card, out.session)
         out.requeue()
         out.pieces.clear()
         out.is_declined = True
         for each in [each for each in self._out.values() if each.card == out.card and each.session is out.session]:
             if not each.has_started:
                 self._take_back(each)
-        if answer.more.get("is_loading") is True:  # its slot is occupied until it is "over"
+        if is_loading:  # its slot is occupied until it is "over"
             if not self._cpu_slots(out.session):
                 self._set_message(out.session, Sentence("view-card-loads-scene", "The graphics card loads the scene."))
         else:
             log.info("%s: %s", answer.worker, answer.more.get("error"))
-            self._cards.refuse(out.card, out.session)
             self._end_message(out)
 
     def _handle_part(self, out: PendingMessage, answer: ViewAnswer) -> None:
@@ -466,6 +502,16 @@ class ViewScheduler:
             self._set_message(session, None, self._workers.slots(out.kind))
         if session.is_picture_due():
             session.wake()
+
+    def _handle_draft(self, out: PendingMessage, answer: ViewAnswer) -> None:
+        session = out.session
+        if not out.drafts or session.draft_size is None or session.request is None:
+            return
+        out.drafts = False
+        width, height, samples = session.draft_size
+        self._cards.update_draft(session.request, out.card, answer.seconds / (width * height * samples))
+        session.put_draft(answer.sums)
+        session.wake()
 
     def _handle_frame(self, answer: ViewAnswer) -> None:
         """Caches the animation frame in an answer, even if its session shows another view now: the viewer may return to it."""

@@ -2,10 +2,11 @@
 
     python3 farm.py bench gpu [--stages build,bits] [--minutes 8] [--quick] [--scenes "Cornell box,glass"] [--library PATH]
 
-Runs in steps of at most a few minutes, and stops after --minutes with exit code 3: run the same command again to continue. The
-results are in a file of --state; to continue elsewhere, copy that folder and that of $RAYFARM_CACHE. Stages:
+Runs in steps of at most two minutes, begins none after --minutes, and ends with exit code 3: run the same command again to
+continue. The results are in a file of --state; to continue elsewhere, copy that folder and that of $RAYFARM_CACHE. Stages:
 
     build     the kernels of all variants, for cards and for the CPU, on all cores; needs no card
+    load      the driver translates the kernels, on all cores, and keeps them in its cache
     bits      each kernel's self-test, and each scene's film at 256x256x16: equal to the CPU's?
     speed     the card's samples per second, after compilation, with splitting 1, so that all trace equally many paths
     features  the same by wavelength, with a path guide, by light group and by light path
@@ -59,8 +60,12 @@ from tests.benchmarks.peers.scenes import CASES, Case
 from tests.benchmarks.peers.sizes import FULL, QUICK, Sizes
 
 ROOT = Path(__file__).resolve().parents[2]
-STAGES = ("build", "bits", "speed", "features", "cores", "mitsuba", "live", "denoise", "profile")
-WITH_SETTINGS = ("full-spectral", "media-spectral", "full-guided", "full-paths-groups")  # kernels with what settings add
+STAGES = ("build", "load", "bits", "speed", "features", "cores", "mitsuba", "live", "denoise", "profile")
+# Kernels with what settings add: for the self-test, and for the stage `features`.
+WITH_SETTINGS = (
+    *("full-spectral", "media-spectral", "full-guided", "full-paths-groups", "full-caustics", "media-caustics"),
+    *("plain-guided", "plain-groups", "plain-paths"),
+)
 TRIES = 3
 COMPARED, COMPARED_SPP = 256, 16  # width in pixels and samples of the films that are compared
 TIMED = ((512, 512, 64), (512, 512, 256), (1920, 1080, 64))
@@ -69,7 +74,8 @@ QUICK_TIMED = ((64, 64, 4),)
 LIVE, QUICK_LIVE, LIVE_SPP, LIVE_SIDE = (1920, 1080), (96, 54), 4, 256
 UNFINISHED = 3  # exit code
 MISSING = 4  # exit code of a process that lacks a library
-ITEM_LIMIT_S = 240.0  # of a step in a process of its own
+ITEM_LIMIT_S = 110.0  # of a step in a process of its own, so that a command of 8 minutes ends before ten
+DRIVER_CACHE = 4 << 30  # bytes for the kernels that the driver has translated
 FEATURES: dict[str, dict[str, Any]] = {
     "by wavelength": {"spectral": "on"},
     "guided": {"guiding": "on"},
@@ -133,6 +139,11 @@ class Results:
         result = self.failures.get(key) or json.dumps(self.values[key])
         print(f"{key}: {result} ({time.perf_counter() - begun:.0f} s)", flush=True)
 
+    def keep(self, key: str, value: Any) -> None:
+        """Keeps a value that was measured outside a step. key: "stage: name"."""
+        self.values[key] = value
+        self._append({"step": key, "value": value})
+
     def of(self, stage: str) -> dict[str, Any]:
         """Returns the values of a stage by the steps' names."""
         return {key.removeprefix(f"{stage}: "): value for key, value in self.values.items() if key.startswith(f"{stage}: ")}
@@ -145,15 +156,18 @@ class Results:
 def main() -> int:
     options = _options()
     sizes = QUICK if options.quick else FULL
+    os.environ.setdefault("CUDA_CACHE_MAXSIZE", str(DRIVER_CACHE))
     if options.job:
-        return _build_one(options.job)
+        return _run_job(options.job, options.library)
     if options.mitsuba:
         return _mitsuba(options, sizes)
     if options.once:
         return _once(options, sizes)
     deadline = time.monotonic() + 60 * options.minutes
-    if "build" in options.stages and not _build(options.kernels, deadline):
-        return UNFINISHED
+    if "build" in options.stages:
+        jobs = [f"{where}:{name}" for where in ("card", "cores") for name in options.kernels if not _is_built(where, name)]
+        if not _run_jobs(jobs, deadline):
+            return UNFINISHED
     found = find_cards(options.library)
     for reason in found.refused:
         print(reason)
@@ -163,6 +177,10 @@ def main() -> int:
     card = found.usable[0]
     print(f"card {described(card)} ({NOT_YET_TRIED}), driver {card.driver}, beside {cores()} cores")
     results = Results(options.state, options.again)
+    if "load" in options.stages:
+        jobs = [f"load:{name}" for name in options.kernels if name not in results.of("load")]
+        if not _run_jobs(jobs, deadline, options.library, results):
+            return UNFINISHED
     for step in _steps(options, sizes, card):
         if time.monotonic() > deadline:
             _print_table(results)
@@ -221,32 +239,40 @@ def _names(options: argparse.Namespace) -> list[str]:
 # --- building -----------------------------------------------------------------------------------------------------------------
 
 
-def _build(kernels: Sequence[str], deadline: float) -> bool:
-    """Builds the missing kernels in parallel processes; returns False if the time is over before all are built."""
-    jobs = [f"{where}:{kernel}" for where in ("card", "cores") for kernel in kernels if not _is_built(where, kernel)]
+def _run_jobs(jobs: Sequence[str], deadline: float, library: str = LIBRARY, results: Results | None = None) -> bool:
+    """Runs jobs of `_run_job` in parallel processes; returns False if the time is over before all have ended.
+
+    results: where the seconds of each are kept. A job that fails is reported; the steps that need its kernel fail then.
+    """
     if not jobs:
         return True
-    command = [sys.executable, "-m", "tests.benchmarks.bench_gpu", "--job"]
+    command = [sys.executable, "-m", "tests.benchmarks.bench_gpu", f"--library={library}", "--job"]
     memory = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     count = max(1, min(cores(), memory >> 30))
-    print(f"building {len(jobs)} kernels, {count} at a time", flush=True)
+    print(f"{len(jobs)} kernels to build or load, {count} at a time", flush=True)
 
-    def build(job: str) -> bool:
+    def run(job: str) -> bool:
+        """Returns False if the time is over."""
         left = deadline - time.monotonic()
         if left <= 0:
             return False
         begun = time.perf_counter()
         try:
-            subprocess.run([*command, job], cwd=ROOT, check=True, timeout=left)
+            done = subprocess.run([*command, job], cwd=ROOT, timeout=left, capture_output=True, text=True, check=False)
         except subprocess.TimeoutExpired:
             return False
-        print(f"{job}: {time.perf_counter() - begun:.0f} s", flush=True)
+        seconds, failure = round(time.perf_counter() - begun, 1), ""
+        if done.returncode:
+            failure = f": failed: {(done.stderr.strip().splitlines() or [f'exit code {done.returncode}'])[-1]}"
+        elif results is not None:
+            results.keep(job.replace(":", ": "), seconds)
+        print(f"{job}: {seconds:.0f} s{failure}", flush=True)
         return True
 
     with ThreadPoolExecutor(count) as pool:
-        is_done = all([*pool.map(build, jobs)])
+        is_done = all([*pool.map(run, jobs)])
     if not is_done:
-        print("The time is over before all kernels are built: run the same command again to continue.")
+        print("The time is over before all kernels are there: run the same command again to continue.")
     return is_done
 
 
@@ -255,11 +281,15 @@ def _is_built(where: str, kernel: str) -> bool:
     return jit.is_cached(name)
 
 
-def _build_one(job: str) -> int:
-    """Builds the kernel of a job, card:NAME or cores:NAME."""
+def _run_job(job: str, library: str) -> int:
+    """Builds the kernel of a job, card:NAME or cores:NAME, or loads it on the first card, load:NAME."""
     where, _, kernel = job.partition(":")
     if where == "card":
         ptx_of(kernel)
+    elif where == "load":
+        renderer = CardRenderer(find_cards(library).usable[0], library)
+        renderer.load(kernel)
+        renderer.close()
     else:
         warm_up(example_of(kernel)[1], base_variant(kernel))
     return 0
@@ -487,16 +517,9 @@ def _mitsuba(options: argparse.Namespace, sizes: Sizes) -> int:
     except ImportError as error:
         print(f"Mitsuba's cuda_ad_rgb cannot be used: {error}", file=sys.stderr)
         return MISSING
-    from tests.peers.mitsuba_scene import mitsuba_dict
-
     width, height, spp = map(int, options.mitsuba.split("x"))
     (name,) = _names(options)
-    case = CASES[name](sizes)
-    with tempfile.TemporaryDirectory() as folder:
-        made = mitsuba_dict(mi, case.twin or case.description, _settings(case, width, height), Path(folder))
-        if case.theirs is not None:
-            case.theirs(mi, made)
-        scene = mi.load_dict(made)
+    scene = mitsuba_scene(mi, CASES[name](sizes), width, height)
 
     def picture(seed: int) -> None:
         drjit.eval(mi.render(scene, spp=spp, seed=seed))
@@ -504,6 +527,17 @@ def _mitsuba(options: argparse.Namespace, sizes: Sizes) -> int:
 
     print(json.dumps(_best(picture, width * height * spp)))
     return 0
+
+
+def mitsuba_scene(mi: Any, case: Case, width: int, height: int) -> Any:
+    """Returns a case's scene in Mitsuba, for pictures of width x height pixels. mi: the module, with a variant set."""
+    from tests.peers.mitsuba_scene import mitsuba_dict
+
+    with tempfile.TemporaryDirectory() as folder:
+        made = mitsuba_dict(mi, case.twin or case.description, _settings(case, width, height), Path(folder))
+        if case.theirs is not None:
+            case.theirs(mi, made)
+        return mi.load_dict(made)
 
 
 # --- the table ----------------------------------------------------------------------------------------------------------------

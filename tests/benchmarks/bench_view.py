@@ -24,15 +24,16 @@ import numpy as np
 import psutil
 from websockets.sync.client import ClientConnection, connect
 
-from protocol.pictures import VIEW
+from protocol.pictures import DRAFT, VIEW
 from tests.helpers import ROOT, Farm, start_farm, stop_farm
 
 
 class Viewer:
     """A viewer that acknowledges packets at once, and checks that each received picture is of a view that it requested."""
 
-    def __init__(self, socket: ClientConnection, view: dict[str, Any], size: tuple[int, int]) -> None:
-        self.socket, self.view, self.size = socket, view, size
+    def __init__(self, socket: ClientConnection, view: dict[str, Any], size: tuple[int, int], **more: Any) -> None:
+        """more: further fields of each request."""
+        self.socket, self.view, self.size, self.more = socket, view, size, more
         self.id = 0
         self.sent: dict[int, float] = {}
         self.bytes = self.pictures = 0
@@ -45,11 +46,19 @@ class Viewer:
         view = {**self.view, "eye": [tx + c * x - s * z, ey, tz + s * x + c * z]}
         self.id += 1
         self.sent[self.id] = time.perf_counter()
-        self.socket.send(json.dumps({"id": self.id, "view": view, "width": self.size[0], "height": self.size[1]}))
+        self.socket.send(json.dumps({"id": self.id, "view": view, "width": self.size[0], "height": self.size[1], **self.more}))
         return self.id
 
     def picture(self, timeout: float = 240.0) -> tuple[int, tuple[int, int]] | None:
         """Returns the view id and size of the next picture; None after the timeout."""
+        message = self.packet(timeout)
+        if message is None:
+            return None
+        head = VIEW.unpack(message)
+        return head.id, (head.w, head.h)
+
+    def packet(self, timeout: float) -> bytes | None:
+        """Returns the next picture or draft; None after the timeout."""
         until = time.perf_counter() + timeout
         while (left := until - time.perf_counter()) > 0:
             try:
@@ -57,10 +66,8 @@ class Viewer:
             except TimeoutError:
                 return None
             if isinstance(message, bytes):
-                head = VIEW.unpack(message)
-                self._count(message)
-                self.socket.send(json.dumps({"ack": head.seq}))
-                return head.id, (head.w, head.h)
+                self._take(message)
+                return message
             said = json.loads(message)
             assert said["type"] != "error", said
             self.state = said
@@ -71,14 +78,15 @@ class Viewer:
         while True:
             message = self.socket.recv(timeout=240)
             if isinstance(message, bytes):
-                self._count(message)
-                self.socket.send(json.dumps({"ack": VIEW.unpack(message).seq}))
+                self._take(message)
                 continue
             said = json.loads(message)
             if said["type"] == "state" and said["id"] == self.id and said["samples"] >= wanted:
                 return time.perf_counter()
 
-    def _count(self, message: bytes) -> None:
+    def _take(self, message: bytes) -> None:
+        layout = DRAFT if message[1] == DRAFT.kind else VIEW
+        self.socket.send(json.dumps({"ack": layout.unpack(message).seq}))
         self.bytes += len(message)
         self.pictures += 1
 

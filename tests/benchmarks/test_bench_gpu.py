@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.benchmarks.bench_gpu import MissingError, Results, Step, _print_table
+from tests.benchmarks import bench_gpu
+from tests.benchmarks.bench_gpu import MissingError, Results, Step, _print_table, _run_jobs
 
 
 def raising(error: BaseException) -> Any:
@@ -40,6 +43,30 @@ def test_steps_are_continued(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     last.run(Step("speed", "c", lambda: {"rate": 3.0}))
     assert last.values["speed: c"] == {"rate": 3.0}
     assert last.failures == {}
+
+
+def test_jobs_are_continued(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A job that ended is kept; one that failed is reported, and one for which there was no time is left for the next run."""
+    monkeypatch.setattr(bench_gpu, "cores", lambda: 1)
+    ran: list[str] = []
+
+    def process(command: list[str], **options: Any) -> subprocess.CompletedProcess[str]:
+        ran.append(command[-1])
+        if command[-1] == "load:slow":
+            raise subprocess.TimeoutExpired(command, options["timeout"])
+        failed = command[-1] == "load:broken"
+        return subprocess.CompletedProcess(command, int(failed), "", "Traceback\nCardError: it failed\n" if failed else "")
+
+    monkeypatch.setattr(subprocess, "run", process)
+    results = Results(tmp_path, again=False)
+    jobs = ["load:plain", "load:broken", "load:slow"]
+    assert not _run_jobs(jobs, time.monotonic() + 60, "libcuda.so", results)
+    assert ran == jobs
+    assert "load:broken: 0 s: failed: CardError: it failed" in capsys.readouterr().out
+    assert [*Results(tmp_path, again=False).of("load")] == ["plain"]
+    assert not _run_jobs(["load:full"], time.monotonic())
+    assert ran == jobs
+    assert _run_jobs(["load:full"], time.monotonic() + 60)
 
 
 def test_table_has_ratios_and_their_means(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,6 +5,7 @@ The graphics card or its worker may fail meanwhile. The card is simulated on the
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import subprocess
@@ -19,6 +20,7 @@ import httpx
 import numpy as np
 import psutil
 import pytest
+from PIL import Image
 from websockets.sync.client import connect
 
 from renderer import film
@@ -31,14 +33,16 @@ from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings
-from tests.chaos.test_digest import VIEW, digest_without_farm, submit
+from tests.chaos.test_digest import DEPTH, HEIGHT, VIEW, WIDTH, digest_without_farm, submit
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from tests.renderer.cuda.on_host import fake_driver, shared_objects
+from tests.renderer.drafts import draft_of
 from tests.service.viewer import Viewer
 
 pytestmark = pytest.mark.long
 
 SPP = 320
+MORE_KERNELS = "plain-paths", "plain-guided"
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +50,9 @@ def driver(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Returns environment variables with which a process finds the test's simulated graphics card, which passes the self-test."""
     folder = tmp_path_factory.mktemp("driver")
     fake_driver(folder)
-    kernels = shared_objects((*START_KERNELS, "plain-paths"), folder / "kernels")
+    kernels = shared_objects((*START_KERNELS, *MORE_KERNELS), folder / "kernels")
     variables = {"LD_LIBRARY_PATH": str(folder), "FAKE_CUDA_KERNEL": str(kernels)}
-    test = [sys.executable, "-m", "renderer.self_test", *START_KERNELS, "plain-paths"]
+    test = [sys.executable, "-m", "renderer.self_test", *START_KERNELS, *MORE_KERNELS]
     subprocess.run(test, cwd=ROOT, env={**os.environ, **variables, "FAKE_CUDA_CARDS": "RTX Test:8:6:8192"}, check=True)
     return variables
 
@@ -176,6 +180,20 @@ def test_light_paths_of_cores_and_a_card_have_the_digest_of_the_cores(farm: Farm
     assert "the processor does" not in log, log
 
 
+def test_slot_with_a_card_trains_the_guide_while_the_cores_are_paused(farm: Farm, driver: dict[str, str]) -> None:
+    with ExitStack() as ends, farm.client() as client:
+        join(farm, ends, driver, 8192, "--paired")
+        scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id)
+        (cores,) = (row.name for row in client.workers() if row.name != "attic-gpu")
+        client.call("PATCH", f"/api/workers/{cores}", state="paused")
+        paused = lambda: {row.name: row.state for row in client.workers()}[cores] == "paused"  # noqa: E731
+        wait_until(paused, 30, "the cores are paused")
+        view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
+        job = client.submit(scene.id, view=view, width=WIDTH, height=HEIGHT, spp=SPP, max_depth=DEPTH, guiding="on").id
+        log = finish(farm, job, digest_without_farm(SPP, guiding="on"))
+    assert "attic-gpu: " in log, log
+
+
 def test_a_killed_worker_with_a_card_leaves_no_trace(farm: Farm, driver: dict[str, str], expected: str) -> None:
     with ExitStack() as ends:
         process = join(farm, ends, driver, 8192, "--paired")
@@ -245,6 +263,18 @@ def test_view_with_a_card_has_the_bits_of_the_cores(tmp_path: Path, driver: dict
         show(id + 1, 4)
         check(id + 1, 4)
         if trouble == "alone":
+            viewer.say(id=id + 3, view=view, width=96, height=64, spp=64, max_depth=5, draft=1.0)
+            check(id + 3, 5)
+            ((head, jpeg),) = viewer.drafts
+            assert head.id == id + 3
+            shown = np.asarray(Image.open(io.BytesIO(jpeg)))
+            assert shown.shape == (head.h, head.w, 3)
+            settings = RenderSettings(head.w, head.h, VIEW, max_depth=5)
+            scene_of_cores = compile_scene(read(ROOT / "scenes", "cornell-box.yaml"))
+            words = draft_of(render_frame(scene_of_cores, settings, head.samples, threads=2), settings.film_exponent, 1.0)
+            wanted = words[..., None].view(np.uint8).reshape(head.h, head.w, 4)[..., :3]
+            luma = np.array([0.299, 0.587, 0.114])  # its error is that of the JPEG, colour has a quarter of the pixels
+            assert np.abs(shown @ luma - wanted @ luma).mean() < 8
             job = submit(farm, SPP, tile_size=16)
             with farm.client() as client:
                 wait_until(lambda: client.job(job).progress > 0.05, 60, "the job is rendered")

@@ -101,7 +101,9 @@ def test_every_view_is_in_browser_language(farm: Farm, job: str, foreign_page: t
     page.goto(f"{farm.url}/#/workers")
     expect(page.locator(".machine").first).to_be_visible()
     assert_is_fit(page, locale)
-    page.locator(".page-foot button").last.click()
+    page.locator(".more-button").click()
+    assert_is_fit(page, locale)
+    page.locator(".help-button").click()
     expect(page.locator("dialog.help a[href='docs/']")).to_be_visible()
 
 
@@ -146,7 +148,7 @@ def test_warning_is_shown_in_browser_language(
 ) -> None:
     page, locale = foreign_page
     page.goto(f"{farm.url}/#/scenes/{scene_with_warning['id']}")
-    expect(page.get_by_text(translated_warning(scene_with_warning, locale[:2]))).to_be_visible()
+    expect(page.get_by_text(translated_warning(scene_with_warning, locale[:2])).first).to_be_visible()  # also in a list
 
 
 @pytest.mark.long
@@ -154,6 +156,7 @@ def test_language_menu_changes_language_permanently(farm: Farm, foreign_page: tu
     page, locale = foreign_page
     page.goto(farm.url)
     expect(page.get_by_role("heading", name=HEADINGS[locale][0])).to_be_visible()
+    page.locator(".more-button").click()
     page.locator(".language select").select_option("en")
     expect(page.get_by_role("heading", name="Drop a scene anywhere")).to_be_visible()
     page.reload()

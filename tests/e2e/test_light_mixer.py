@@ -80,6 +80,10 @@ def test_muted_groups_leave_the_others_and_the_mix_is_saved(farm: Farm, lit: str
     assert_screen(page, wanted["fill"], "without the key light")
     expect(page).to_have_url(re.compile(r"mix=key%3A%3A%3Am|mix=key:::m"))
 
+    page.get_by_role("tab", name="View").click()
+    expect(page.get_by_text("A light mix cannot be denoised")).to_have_count(1)
+    page.get_by_role("tab", name="Lights").click()
+
     # Saved files are made by the service from the exact sums.
     png = np.asarray(Image.open(saved(page, "PNG")).convert("RGB")).astype(int)
     exact = read_exr(f"{image}.exr?aov=light:fill", tmp_path) + read_exr(f"{image}.exr?aov=light:rest", tmp_path)
@@ -144,7 +148,7 @@ def test_picture_without_groups_is_rendered_again_with_a_group_per_lamp(farm: Fa
     page.get_by_role("tab", name="Lights").click()
     page.get_by_role("button", name="Render again to mix").click()
     expect(page).not_to_have_url(re.compile(job))
-    for name in ("environment", "light 0", "light 1", "All others"):
+    for name in ("Environment", "light 0", "light 1", "All others"):
         expect(page.get_by_role("button", name=f"Mute: {name}")).to_be_visible()
     again = httpx.get(f"{farm.url}/api/jobs/{page.url.rsplit('/', 1)[1].split('?')[0]}").raise_for_status().json()
     assert again["settings"]["light_groups"] == "environment,light 0,light 1"

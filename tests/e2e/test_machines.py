@@ -105,3 +105,20 @@ def test_machine_shows_its_graphics_cards(page: Page) -> None:
         [False, "Renders with card 0: RTX Test · 8 GiB · 250 M samples/s"],
         [False, "Card 1 is not used."],
     ]
+
+
+def test_adding_a_machine_shows_commands_for_this_farm(page: Page) -> None:
+    body = """
+        const { session } = await import("/js/news/session.js");
+        const commands = (joining) => [...m.addMachine(joining).querySelectorAll("code")].map(({ textContent }) => textContent);
+        const start = "rayfarm up --port 9000 --host 0.0.0.0";
+        const joining = { url: null, start, token: "T > NAME.token", here: "", program: "rayfarm" };
+        const reached = { ...joining, url: "http://192.0.2.7:9000", start: null };
+        const seen = [commands(joining), commands(reached)];
+        session.set({ ...session.value, login: true });
+        return [...seen, commands(reached)];"""
+    assert call(page, "views/add-machine", body) == [
+        ["rayfarm up --port 9000 --host 0.0.0.0"],
+        ["T > NAME.token", "rayfarm worker --join http://192.0.2.7:9000 --token-file NAME.token"],
+        ["RAYFARM_TOKEN=TOKEN rayfarm worker --join http://192.0.2.7:9000"],
+    ]

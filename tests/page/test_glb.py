@@ -15,10 +15,11 @@ import pytest
 import trimesh
 from PIL import Image
 
+from renderer.preview_mesh import PreviewMesh
 from renderer.scene.animation import Moment
 from renderer.scene.default_camera import frame
 from renderer.scene.load import Shot
-from renderer.scene.preview import Preview, preview
+from renderer.scene.preview import preview
 from tests.page.node import Node
 
 READ = """
@@ -33,10 +34,10 @@ def read_in_page(node: Node, data: bytes, most: int = 300_000) -> Any:
     return node.call("mesh/glb", READ, {"file": base64.b64encode(data).decode(), "most": most})
 
 
-def read_by_service(folder: Path, data: bytes) -> Preview:
+def read_by_service(folder: Path, data: bytes) -> PreviewMesh:
     (folder / "model.glb").write_bytes(data)
     shot = Shot(folder, "model.glb")
-    shown = preview(shot.scene_at(Moment(shot.start)), textured_vertices=0)  # the browser has the textures
+    shown = preview(shot.scene_at(Moment(shot.start)))
     assert shown is not None
     return shown
 
@@ -85,8 +86,9 @@ def test_textures_are_given_with_their_triangles(node: Node, model: bytes) -> No
     found = read_in_page(node, model)
     packet, images = found["packet"], found["images"]
     box, ball = packet["parts"]
-    assert (box["texture"], box["first"], box["count"]) == (0, 0, 36)
-    assert (ball["texture"], ball["first"], ball["count"]) == (-1, 36, 3 * packet["triangles"] - 36)
+    assert [packet["materials"][part["material"]]["texture"] for part in (box, ball)] == [0, -1]
+    assert (box["first"], box["corners"]) == (0, 36)
+    assert (ball["first"], ball["corners"]) == (36, 3 * packet["triangles"] - 36)
     uvs = np.array(packet["uvs"]).reshape(-1, 2)[sorted(set(packet["indices"][:36]))]
     assert {tuple(uv) for uv in uvs.tolist()} == {(x, 1 - y) for x in (-0.5, 0.5) for y in (-1, 1)}, "v goes down in glTF"
     with Image.open(io.BytesIO(bytes(images[0]))) as image:
@@ -154,7 +156,7 @@ def test_parts_of_one_table_of_vertices_are_drawn_by_texture(node: Node) -> None
     data = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", starts[-1], b"BIN\0") + b"".join(blobs)
     packet = read_in_page(node, struct.pack("<4s2I", b"glTF", 2, 12 + len(data)) + data)["packet"]
     assert packet["vertices"] == 9
-    assert [(part["texture"], part["count"]) for part in packet["parts"]] == [(0, 6), (-1, 3)]
+    assert [(packet["materials"][part["material"]]["texture"], part["corners"]) for part in packet["parts"]] == [(0, 6), (-1, 3)]
     found = positions(packet)[packet["indices"]]
     np.testing.assert_allclose(found, table[[0, 1, 2, 6, 7, 8, 3, 4, 5]], atol=1e-4)
 
@@ -182,11 +184,12 @@ def test_black_lamps_leave_the_studio(node: Node, model: bytes) -> None:
     def add(intensity: float) -> Callable[[dict[str, Any]], None]:
         def edit(gltf: dict[str, Any]) -> None:
             gltf["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": intensity}]}}
+            gltf["nodes"][0]["extensions"] = {"KHR_lights_punctual": {"light": 0}}
 
         return edit
 
-    assert read_in_page(node, edited(model, add(0)))["packet"]["background"] is None
-    assert read_in_page(node, edited(model, add(5)))["packet"]["background"] == [0, 0, 0]
+    assert read_in_page(node, edited(model, add(0)))["packet"]["isStudio"]
+    assert not read_in_page(node, edited(model, add(5)))["packet"]["isStudio"]
 
 
 @pytest.mark.parametrize("perspective", [{}, {"yfov": 0}, {"yfov": 4}])

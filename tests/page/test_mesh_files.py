@@ -17,11 +17,12 @@ import trimesh
 from PIL import Image
 
 from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES, pick_main
+from renderer.preview_mesh import PreviewMesh
 from renderer.scene.animation import Moment
 from renderer.scene.default_camera import frame
 from renderer.scene.description import SceneDescription
 from renderer.scene.load import Shot
-from renderer.scene.preview import Preview, preview
+from renderer.scene.preview import preview
 from renderer.scene.room_camera import room_view
 from tests.helpers import ROOT
 from tests.page.node import Node
@@ -50,8 +51,8 @@ def read_description(folder: Path, files: dict[str, bytes]) -> SceneDescription:
     return shot.scene_at(Moment(shot.start))
 
 
-def read_by_service(folder: Path, files: dict[str, bytes]) -> Preview:
-    shown = preview(read_description(folder, files), textured_vertices=0)  # the browser has the textures
+def read_by_service(folder: Path, files: dict[str, bytes]) -> PreviewMesh:
+    shown = preview(read_description(folder, files))
     assert shown is not None
     return shown
 
@@ -75,7 +76,7 @@ def sorted_corners(
     return corners[order][pick], normals[triangles][order][pick]
 
 
-def expect_equal(found: Any, known: Preview) -> None:
+def expect_equal(found: Any, known: PreviewMesh) -> None:
     """The triangles, normals and camera of the page's preview equal those of the service's."""
     packet, view = found["packet"], found["view"]
     size = float(np.ptp(known.positions))
@@ -232,12 +233,15 @@ def test_obj_has_its_materials_and_textures(node: Node, tmp_path: Path, wood: by
     found = read_in_page(node, files)
     expect_equal(found, read_by_service(tmp_path, files))
     packet = found["packet"]
-    textured, plain = packet["parts"]
-    assert (textured["texture"], textured["count"], plain["texture"], plain["count"]) == (0, 6, -1, 6)
+    plain, textured = packet["parts"]
+    assert [(packet["materials"][part["material"]]["texture"], part["corners"]) for part in (plain, textured)] == [
+        (-1, 6),
+        (0, 6),
+    ]
     colors = np.array(packet["colors"]).reshape(-1, 4)
-    assert {tuple(row) for row in colors[packet["indices"][:6]].tolist()} == {(255, 255, 255, 255)}, "a black Kd beside a map"
-    assert {tuple(row) for row in colors[packet["indices"][6:]].tolist()} == {(255, 0, 0, 255)}
-    uvs = np.array(packet["uvs"]).reshape(-1, 2)[packet["indices"][:6]]
+    assert {tuple(row) for row in colors[packet["indices"][6:]].tolist()} == {(255, 255, 255, 255)}, "a black Kd beside a map"
+    assert {tuple(row) for row in colors[packet["indices"][:6]].tolist()} == {(255, 0, 0, 255)}
+    uvs = np.array(packet["uvs"]).reshape(-1, 2)[packet["indices"][6:]]
     assert {tuple(uv) for uv in uvs.tolist()} == {(0, 0), (1, 0), (1, 1), (0, 1)}
     assert bytes(found["images"][0]) == wood
 
@@ -295,14 +299,95 @@ def test_fbx_vertices_match_blender(node: Node) -> None:
     wanted = np.concatenate([each["vertices"] for each in meshes]) @ Y_UP.T
     away = np.linalg.norm(wanted[:, None] - points[None], axis=2).min(axis=1)
     assert away.max() < 1e-3
-    assert found["packet"]["background"] == [0, 0, 0], "the file has lamps"
+    assert not found["packet"]["isStudio"], "the file has lamps"
     lamps = [said[name] for name in ("point", "sun", "spot", "area")]
     matrices = [np.array(lamp["matrix"]) for lamp in lamps]
     ways = [Y_UP @ (m[:3, 2] if i == 1 else m[:3, 3]) for i, m in enumerate(matrices)]  # Blender's lamps shine along -Z
-    given = sorted((lamp["isFar"], *np.round(lamp["at"], 3) + 0.0) for lamp in found["packet"]["lamps"])
+    given = sorted((lamp["far"], *np.round(lamp["at"], 3) + 0.0) for lamp in found["packet"]["lamps"])
     np.testing.assert_allclose(given, sorted((i == 1, *way) for i, way in enumerate(ways)), atol=1e-3)
     assert len(found["images"]) == 1
     assert not found["isWhole"], "it is animated"
+
+
+def test_fbx_materials_equal_those_of_service(node: Node, tmp_path: Path) -> None:
+    files = {"kit.fbx": (FBX / "kit.fbx").read_bytes()}
+    found, known = read_in_page(node, files), read_by_service(tmp_path, files)
+    assert surfaces_of(found["packet"]) == surfaces_of(plain(known))
+    assert len(surfaces_of(plain(known))) == 5, "plastic, metal, a texture, a pane, and a lamp"
+
+
+PAINTS = """
+newmtl matt
+Kd 0.2 0.3 0.4
+newmtl gloss
+Kd 0.5 0.1 0.1
+Ks 0.5 0.5 0.5
+Ns 100
+d 0.5
+newmtl gold
+Kd 0 0 0
+Ks 0.9 0.7 0.3
+Ns 50
+newmtl mirror
+Kd 0 0 0
+Ks 0.8 0.8 0.8
+illum 3
+newmtl glass
+Kd 1 1 1
+illum 7
+Ni 1.33
+newmtl coated
+Kd 0.1 0.2 0.3
+Pr 0.25
+Pm 0.5
+Pc 0.75
+Pcr 0.125
+newmtl lamp
+Kd 0.5 0.5 0.5
+Ke 0.01 0.02 0.03
+"""
+
+
+@pytest.mark.parametrize("first", ["", "# Blender 4.2.0 MTL File: 'None'"])
+def test_obj_materials_equal_those_of_service(node: Node, tmp_path: Path, first: str) -> None:
+    names = [line.split()[1] for line in PAINTS.splitlines() if line.startswith("newmtl")]
+    faces = "".join(f"v {i} 0 0\nv {i} 1 0\nv {i} 0 1\nusemtl {name}\nf -3 -2 -1\n" for i, name in enumerate(names))
+    files = {"a.obj": f"mtllib a.mtl\n{faces}".encode(), "a.mtl": (first + PAINTS).encode()}
+    found, known = read_in_page(node, files), read_by_service(tmp_path, files)
+    assert surfaces_of(found["packet"]) == surfaces_of(plain(known))
+
+
+def plain(mesh: PreviewMesh) -> dict[str, Any]:
+    """Returns what surfaces_of reads of a mesh by the service, as the page has it."""
+    return {
+        "parts": [part._asdict() for part in mesh.parts],
+        "materials": [material._asdict() for material in mesh.materials],
+        "indices": mesh.triangles.ravel().tolist(),
+        "colors": mesh.colors.ravel().tolist(),
+    }
+
+
+def surfaces_of(packet: dict[str, Any]) -> list[str]:
+    """Returns the surfaces of a packet with their colours, as sorted text. Numbers are rounded; a metal has no other f0."""
+    colors = np.array(packet["colors"]).reshape(-1, 4)
+    found = []
+    for part in packet["parts"]:
+        surface = dict(packet["materials"][part["material"]])
+        if surface["metallic"] == 1:
+            surface.pop("f0")
+        surface.pop("thin")  # the service looks whether the surface is closed
+        if surface["transmission"] == 0:
+            surface.pop("ior")
+        if surface["alpha_mode"] != "mask":
+            surface.pop("cutoff")
+        items = surface.items()
+        corners = packet["indices"][part["first"] : part["first"] + part["corners"]]
+        for color in sorted({tuple(row) for row in colors[corners].tolist()}):
+            rounded = {
+                name: value if isinstance(value, str) else np.round(np.float64(value), 4).tolist() for name, value in items
+            }
+            found.append(json.dumps([color, rounded], sort_keys=True))
+    return sorted(found)
 
 
 def test_fbx_is_seen_by_its_camera(node: Node) -> None:

@@ -8,31 +8,104 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocol.mesh import Mesh, decode_mesh, encode_mesh
+from protocol.mesh import decode_mesh, encode_mesh
+from renderer.preview_mesh import PreviewLamp, PreviewMaterial, PreviewMesh, PreviewPart, PreviewTexture
+from renderer.scene.studio import studio_image
 from tests.page.node import Node
 
 VIEW: dict[str, Any] = {"eye": [3, 2, 5], "target": [0.5, 1, -1], "up": [0, 1, 0], "fov": 40}
 LOW, HIGH = [-1.0, 0.0, -2.0], [2.0, 3.0, 1.0]
 
 
-def test_mesh_packet_is_decoded_as_python_encodes_it(node: Node) -> None:
+def triangle(**more: Any) -> PreviewMesh:
     positions = np.array([[-1.0, 0, -2], [2, 3, 1], [0.5, 1.5, -0.5]])
-    mesh = Mesh(positions, np.eye(3, dtype=np.float32), np.uint8([[1, 2, 3, 255]] * 3), np.uint32([[0, 1, 2]]), (255, 128, 9))
-    body = """
-        const { low, high, positions, normals, colors, indices, background } = m.decodeMesh(new Uint8Array(a).buffer);
-        return [low, high, [...positions], [...normals], [...colors], [...indices], background];"""
-    low, high, shares, normals, colors, indices, background = node.call("news/mesh-packet", body, list(encode_mesh(mesh)))
-    assert tuple(background) == decode_mesh(encode_mesh(mesh)).background == (248, 128, 8)
-    black, studio = (
-        node.call("news/mesh-packet", body, list(encode_mesh(mesh._replace(background=b))))[6] for b in ((0, 0, 0), None)
+    return PreviewMesh(positions, np.eye(3, dtype=np.float32), np.uint8([[1, 2, 3, 255]] * 3), np.uint32([[0, 1, 2]]), **more)
+
+
+DECODE = """
+    const images = [];
+    const e = await read("/js/scene/mesh-environment.js");
+    const found = m.decodeMesh(new Uint8Array(a).buffer, async (...range) => void images.push(range));
+    const plain = Object.entries(found).map(([name, value]) => [name, ArrayBuffer.isView(value) ? [...value] : value]);
+    const environment = found.environment && [...e.unpacked(found.environment).texels];
+    return { ...Object.fromEntries(plain), environment, images };"""
+
+
+def test_mesh_packet_is_decoded_as_python_encodes_it(node: Node) -> None:
+    uvs = np.float32([[0.25, 0.5], [-1, 2], [0, 1]])
+    packet = encode_mesh(
+        triangle(
+            uvs=uvs,
+            parts=(PreviewPart(0, 3, 0),),
+            materials=(PreviewMaterial(roughness=0.25, f0=(0.04, 0.05, 0.0625), alpha_mode="blend", texture=1),),
+            textures=(PreviewTexture(b"first", "image/jpeg"), PreviewTexture(b"second", "image/webp", "clamp", "mirror", True)),
+            lamps=(PreviewLamp((1.0, 2.0, 3.0), True, (0.5, 0.25, 0.125)),),
+            environment=np.float32([[[1, 2, 0.5], [4, 0, 0]]]),
+        )
     )
-    assert (black, studio) == ([0, 0, 0], None)
-    assert (low, high, indices) == (LOW, HIGH, [0, 1, 2])
-    assert shares == [0, 0, 0, 0, 65535, 65535, 65535, 0, 32768, 32768, 32768, 0]
-    assert normals == [127, 0, 0, 0, 0, 127, 0, 0, 0, 0, 127, 0]
-    assert colors == [1, 2, 3, 255] * 3
+    found, known = node.call("news/mesh-packet", DECODE, list(packet)), decode_mesh(packet)
+    assert (found["low"], found["high"], found["indices"]) == (LOW, HIGH, [0, 1, 2])
+    assert found["positions"] == [0, 0, 0, 0, 65535, 65535, 65535, 0, 32768, 32768, 32768, 0]
+    assert found["normals"] == [127, 0, 0, 0, 0, 127, 0, 0, 0, 0, 127, 0]
+    assert found["colors"] == [1, 2, 3, 255] * 3
+    assert found["uvs"] == uvs.ravel().tolist()
+    assert found["parts"] == [part._asdict() for part in known.parts]
+    assert found["materials"] == [{**known.materials[0]._asdict(), "emission": [0, 0, 0], "f0": [0.04, 0.05, 0.0625]}]
+    assert found["lamps"][0]["color"] == [0.5, 0.25, 0.125] and found["lamps"][0]["far"]
+    assert found["environment"] == [1, 2, 0.5, 4, 0, 0]
+    assert not found["isStudio"]
+    assert [bytes(packet[start:end]) for start, end, _ in found["images"]] == [b"first", b"second"]
+    assert found["textures"][1]["sampler"] == {"wrap_s": "clamp", "wrap_t": "mirror", "nearest": True}
     refused = "try { m.decodeMesh(new Uint8Array(a).buffer); return 'taken'; } catch (error) { return error.message; }"
-    assert "came with" in node.call("news/mesh-packet", refused, list(encode_mesh(mesh))[:-4])
+    assert "came with" in node.call("news/mesh-packet", refused, list(encode_mesh(triangle()))[:-4])
+
+
+def test_mesh_is_shown_before_its_textures_arrive(node: Node) -> None:
+    body = """
+        const { createImageBitmap } = globalThis;
+        globalThis.createImageBitmap = async (blob) => ({ size: blob.size, type: blob.type });
+        let send;
+        const body = new ReadableStream({ start: (controller) => void (send = controller) });
+        const bytes = new Uint8Array(a.packet);
+        const found = m.readMesh(body);
+        for (let at = 0; at < a.cut; at += 100) send.enqueue(bytes.subarray(at, Math.min(at + 100, a.cut)));
+        const { triangles, textures } = await found;
+        send.enqueue(bytes.subarray(a.cut, a.cut + 3));
+        const first = await textures[0].image;
+        send.close();
+        const second = await textures[1].image;
+        globalThis.createImageBitmap = createImageBitmap;
+        return [triangles, first, second];"""
+    packet = encode_mesh(triangle(textures=(PreviewTexture(b"abc", "image/webp"), PreviewTexture(b"cut off", "image/jpeg"))))
+    cut = len(packet) - len(b"abc" + b"cut off")
+    shown = node.call("news/mesh-packet", body, {"packet": list(packet), "cut": cut})
+    assert shown == [1, {"size": 3, "type": "image/webp"}, None]
+
+
+def test_page_has_the_studio_of_the_renderer(node: Node) -> None:
+    found = node.call("scene/mesh-environment", "return [...m.studio().texels];")
+    np.testing.assert_allclose(np.reshape(found, (64, 128, 3)), studio_image(), rtol=1e-5)
+
+
+def test_rough_surfaces_reflect_the_same_power(node: Node) -> None:
+    """Tables of even light are even; those of a lamp in a black world lose brightness with roughness, and keep its direction."""
+    body = """
+        const texels = new Float32Array(64 * 128 * 3).fill(a.around);
+        texels.fill(a.lamp, 3 * (128 * 20 + 100), 3 * (128 * 20 + 102));
+        const { levels, irradiance } = m.lightTables({ width: 128, height: 64, texels }, null, [0, 0, 0]);
+        return [levels.map(({ width, texels }) => {
+          const red = [...texels].filter((_, i) => i % 4 === 0);
+          const most = Math.max(...red);
+          const at = red.indexOf(most);
+          return [most, Math.min(...red), (at % width) / width, Math.floor(at / width) / (width / 2)];
+        }), [...irradiance]];"""
+    even, irradiance = node.call("scene/mesh-environment", body, {"around": 0.5, "lamp": 0.5})
+    np.testing.assert_allclose([row[:2] for row in even], 0.5, rtol=1e-4)
+    np.testing.assert_allclose(irradiance[0] * 0.282095, 0.5, rtol=5e-3)
+    lit, _ = node.call("scene/mesh-environment", body, {"around": 0, "lamp": 100})
+    brightest = [row[0] for row in lit]
+    assert brightest == sorted(brightest, reverse=True) and brightest[-1] < 0.1 * brightest[0]
+    np.testing.assert_allclose([row[2:] for row in lit[:4]], [[100 / 128, 20 / 64]] * 4, atol=0.07)
 
 
 def projected_point(node: Node, view: dict[str, Any], point: list[float], aspect: float = 1.5) -> np.ndarray:
@@ -110,7 +183,7 @@ def test_kept_picture_serves_near_cameras(node: Node) -> None:
 
 def test_reading_is_given_up_when_it_takes_long_or_the_service_refuses(node: Node) -> None:
     """The service's mesh does not wait for the page's own, and the worker ends."""
-    mesh = Mesh(np.eye(3), np.eye(3, dtype=np.float32), np.uint8([[1, 2, 3, 255]] * 3), np.uint32([[0, 1, 2]]), None)
+    mesh = triangle()
     body = """
         const known = { fetch, setTimeout, Worker: globalThis.Worker };
         const ended = [];

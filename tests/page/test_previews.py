@@ -32,6 +32,20 @@ def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> N
     assert is_due(tiles=[[0, 4], [2, 4]], made=16) is True
 
 
+LOOKS = """
+    const value = { channel: "denoised", isPreview: true, isLast: false };
+    const state = { value, update: (change) => (state.value = change(state.value)) };
+    const idle = { isPreviewDue: () => false, isLastDue: () => false, layer: {} };
+    m.PictureSide.prototype.lookAgain.call({ ...idle, state, live: { isRendering: a } });
+    return state.value.isLast;"""
+
+
+def test_preview_in_progress_is_the_last_once_rendering_has_ended(node: Node) -> None:
+    """Otherwise the page would go on to say that it is renewed when its samples have doubled."""
+    assert node.call("film/picture-side", LOOKS, True) is False
+    assert node.call("film/picture-side", LOOKS, False) is True
+
+
 DRAWS = """
     // A clock of its own: timers run in order, and a drawing takes a.ms until its fence is signalled.
     let now = 0, drawnAt = -Infinity;

@@ -11,14 +11,17 @@ import numpy as np
 import pytest
 
 from protocol.pictures import (
+    DRAFT,
     VIEW,
     VIEW_TILE,
+    DraftHead,
     FilmHead,
     TileHead,
     ViewTile,
     decode_film,
     decode_tile,
     decode_view,
+    encode_draft,
     encode_film,
     encode_tile,
     encode_view,
@@ -69,6 +72,12 @@ def test_view_encoding_equals_recording() -> None:
     assert [tile[::2] for tile in tiles] == [tile[::2] for tile in VIEW_TILES]
     np.testing.assert_allclose(tiles[0].mean.sum(0), VIEW_TILES[0].mean.sum(0), rtol=0.02)
     np.testing.assert_array_equal(rgbe9995.pack(np.moveaxis(tiles[1].mean, 0, -1)), WORDS[:, 3:])
+
+
+def test_draft_encoding_is_as_documented() -> None:
+    packet = encode_draft(DraftHead(2**32 + 9, 3, 5, 3, 50, 30, 4, -1.5), b"JPEG")
+    assert packet == bytes.fromhex("0106 09000000 03000000 0500 0300 3200 1e00 04000000 0000c0bf") + b"JPEG"
+    assert DRAFT.unpack(packet) == (9, 3, 5, 3, 50, 30, 4, -1.5)
 
 
 @pytest.mark.parametrize("decode", [decode_tile, decode_film, decode_view])

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import socket
 from pathlib import Path
 
 import pytest
 
+from rayfarm.commands import up
+from rayfarm.errors import CommandError
 from rayfarm.local import broker
 from rayfarm.local.farm import LocalFarm, Tls
 from rayfarm.local.supervisor import Part
@@ -50,3 +53,28 @@ def warnings(data: Path, monkeypatch: pytest.MonkeyPatch, host: str, tls: Tls | 
     monkeypatch.setattr(farm, "wait_until", lambda *arguments: True)
     farm.start(lambda: False)
     return said
+
+
+def test_port_of_another_program_names_a_free_one(tmp_path: Path) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        with pytest.raises(CommandError, match=rf"^Port {port} of 127\.0\.0\.1 .*`lsof -i :{port}` .* Start with --port \d+\.$"):
+            LocalFarm(tmp_path, "127.0.0.1", port, 0, lambda sentence: None)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "command"),
+    [
+        (["up"], "rayfarm up --host 0.0.0.0"),
+        (["up", "--host", "localhost", "--data", "my farm"], "rayfarm up --data 'my farm' --host 0.0.0.0"),
+        (["up", "--host=::1", "--port=9000"], "rayfarm up --port=9000 --host 0.0.0.0"),
+    ],
+)
+def test_command_for_other_machines_keeps_options(monkeypatch: pytest.MonkeyPatch, arguments: list[str], command: str) -> None:
+    monkeypatch.delenv("RAYFARM_DATA", raising=False)
+    monkeypatch.setattr(up, "PROGRAM", "rayfarm")
+    assert up.open_command(arguments) == command
+    monkeypatch.setenv("RAYFARM_DATA", "/big disk")
+    assert up.open_command(arguments) == f"RAYFARM_DATA='/big disk' {command}"

@@ -148,6 +148,8 @@ class PeerWorker:
         self.memory = memory
         self.transport: Literal["", "https"] = transport
         self.has_cards = has_cards
+        self.drafts = False  # whether its cards make drafts of views; `draft_jpeg` is their picture
+        self.draft_jpeg = b"a picture"
         self.on_view: Callable[[ViewParts], dict[str, Any] | None] = lambda work: None  # returns fields with which it is declined
         self.is_fetching = True
         self.terms = Terms()
@@ -225,6 +227,7 @@ class PeerWorker:
             transport=self.transport,
             has_card_queue=self.has_cards,
             views_on_cards=self.has_cards,
+            drafts_views=self.drafts,
         )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 
@@ -448,6 +451,9 @@ class PeerWorker:
                     return
                 sums = expected_sums(part.tile, part.first, part.count, work.settings.seed)
                 self.parts.append((work, part))
+                if work.draft is not None:
+                    self._tell(work, "draft", self.draft_jpeg, seconds=1e-9 * part.tile.w * part.tile.h * part.count)
+                    continue
                 self._tell(work, "part", pack_sums(sums), number=part.number, seconds=1e-5 * part.tile.w * part.tile.h)
             self._tell(work, "over")
         except ValueError as error:

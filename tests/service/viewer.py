@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from websockets.sync.client import ClientConnection, connect
 
+from protocol.pictures import DRAFT, DraftHead
 from renderer.image import rgbe9995
 from tests.service.conftest import Service, until
 
@@ -35,6 +36,7 @@ class Viewer:
         self.people: list[dict[str, Any]] = []
         self.take_changes: list[dict[str, Any]] = []
         self.pictures: list[tuple[int, tuple[int, int]]] = []  # view id and size of each picture
+        self.drafts: list[tuple[DraftHead, bytes]] = []
         self.seq = 0
         self.words = np.zeros((0, 0), np.uint32)
         self.samples = np.zeros((0, 0), np.uint32)
@@ -71,6 +73,13 @@ class Viewer:
         return self.take_changes
 
     def _take(self, message: bytes) -> None:
+        if message[1] == DRAFT.kind:
+            head = DRAFT.unpack(message)
+            assert head.seq == self.seq + 1
+            self.seq = head.seq
+            self.drafts.append((head, message[DRAFT.size :]))
+            self.say(ack=head.seq)
+            return
         version, kind, count, id, seq, width, height, _, _ = HEADER.unpack_from(message)
         assert (version, kind) == (2, 3)
         assert seq == self.seq + 1

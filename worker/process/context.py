@@ -135,6 +135,7 @@ class WorkerContext:
             in_hand=self._messages_in_hand(),
             has_card_queue=bool(self.cards),
             views_on_cards=bool(self.cards),
+            drafts_views=bool(self.cards),
             cards=[self._card(card, slot) for slot, card in enumerate(self.cards) if card not in failed],
             cards_unused=[to_text(each) for each in (*self.cards_unused, *failed.values(), *beside)],
             transport=HTTPS if self.is_over_https else "",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from protocol.contract import Manifest
-from protocol.mesh import Mesh, encode_mesh
+from protocol.mesh import encode_mesh
 from renderer.confine.reader import Link
 from renderer.render import variant_for
 from renderer.scene.animation import Moment
@@ -63,7 +63,7 @@ def draw_preview(description: SceneDescription, path: Path) -> dict[str, Any] | 
     mesh = preview(description)
     if mesh is None:
         return None
-    path.write_bytes(encode_mesh(Mesh(*mesh)))
+    path.write_bytes(encode_mesh(mesh))
     bounds = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)])
     cameras = camera_dicts(description, bounds, mesh.positions)
     return {"cameras": cameras, "bounds": bounds.tolist(), "defaults": dict(description.defaults)}

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from renderer.kernel.accumulate import samples_guide
 from renderer.render import is_for_cards, render_batch, settings_as_rendered, variant_for, warm_up_caustics
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
-from renderer.settings import Tile
+from renderer.settings import RenderSettings, Tile
 from renderer.variant_names import variant_suffix
 from worker.exchange.errors import TemporaryError, WorkerError
 from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
@@ -43,6 +43,7 @@ from worker.work.render import PATIENCE_S, rendered_outcome, returned_event
 __all__ = [
     "MAX_PACKED_BEHIND",
     "Block",
+    "Render",
     "ReturnedError",
     "UnusableError",
     "blocks_of",
@@ -60,6 +61,8 @@ _cards: dict[int, CardRenderer | None] = {}  # of this process's slot; None afte
 _failed_tests: dict[int, str] = {}  # why a card failed the self-test: a sentence by the card's number
 _too_large: set[str] = set()  # compiled scenes that do not fit its memory
 
+T = TypeVar("T")
+Render = Callable[[CompiledScene, RenderSettings, Tile, int, int, CardRenderer], T]  # as `render_batch` with a card
 Show = Callable[["Block", bool], None]  # called with the block that is rendered next, and whether a kernel is made ready
 
 
@@ -138,7 +141,7 @@ def render_on_card(worker: WorkerContext, work: CardBatches, show: Show) -> floa
     with ThreadPoolExecutor(1, thread_name_prefix="sums") as sender:
         sending: list[Future[None]] = []
         try:
-            for block, sums, took in render_blocks(worker, work.batches, show):
+            for block, sums, took in render_blocks(worker, work.batches, show, render_batch):
                 samples, seconds = samples + block.samples, seconds + took
                 while len(sending) >= MAX_PACKED_BEHIND:
                     sending.pop(0).result()
@@ -162,8 +165,10 @@ def return_to_cpus(worker: WorkerContext, batches: Iterable[RenderBatch], reason
         worker.results.send(Result({**event.event, "for_cpu": True}))
 
 
-def render_blocks(worker: WorkerContext, batches: Sequence[RenderBatch], show: Show) -> Iterator[tuple[Block, BatchSums, float]]:
-    """Renders batches of one frame with this slot's graphics card. Yields each block with its sums and the seconds it took.
+def render_blocks(
+    worker: WorkerContext, batches: Sequence[RenderBatch], show: Show, render: Render[T]
+) -> Iterator[tuple[Block, T, float]]:
+    """Renders batches of one frame with this slot's graphics card. Yields each block, what `render` returned, and the seconds.
 
     Raises UnusableError or ReturnedError.
     """
@@ -174,8 +179,8 @@ def render_blocks(worker: WorkerContext, batches: Sequence[RenderBatch], show: S
             show(block, False)
             renderer, scene = _prepare_renderer(worker, card, batch, partial(show, block))
             begun = time.perf_counter()
-            sums = render_batch(scene, batch.settings, block.tile, batch.first, batch.count, renderer)
-            yield block, sums, time.perf_counter() - begun
+            rendered = render(scene, batch.settings, block.tile, batch.first, batch.count, renderer)
+            yield block, rendered, time.perf_counter() - begun
     except CardMemoryError as error:
         _too_large.add(batch.compiled)
         log.warning("%s; the processor renders it", error)

@@ -1,4 +1,4 @@
-"""Rendering of parts of live views with a slot's graphics card (protocol/view_parts.py).
+"""Rendering of parts and drafts of live views with a slot's graphics card (protocol/view_parts.py).
 
 Parts that the card cannot render, or cannot render soon, are declined at once, and the service sends them to CPU slots.
 """
@@ -8,16 +8,25 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
 
 from protocol.contract import RenderBatch
 from protocol.view_parts import ViewParts
 from renderer.film import BatchSums
+from renderer.image.draft import encode_draft
+from renderer.render import render_batch, render_draft
 from renderer.sentences import Sentence
 from worker.process.context import WorkerContext
-from worker.work.slot_card import MAX_PACKED_BEHIND, Block, ReturnedError, UnusableError, render_blocks
+from worker.work.slot_card import MAX_PACKED_BEHIND, Block, Render, ReturnedError, UnusableError, render_blocks
 from worker.work.viewport import ViewAnswers, pack_view_sums
 
 __all__ = ["render_view_on_card"]
+
+T = TypeVar("T")
 
 MAX_READY = 256  # scenes
 
@@ -34,6 +43,19 @@ def render_view_on_card(worker: WorkerContext, work: ViewParts, report_compiling
 
     report_compiling: called with True before a kernel is loaded, and with False afterwards.
     """
+    if work.draft is None:
+        return _render_and_send(worker, work, report_compiling, render_batch, _send_sums)
+    return _render_and_send(worker, work, report_compiling, partial(render_draft, exposure=work.draft), _send_draft)
+
+
+def _render_and_send(
+    worker: WorkerContext,
+    work: ViewParts,
+    report_compiling: Callable[[bool], None],
+    render: Render[T],
+    send: Callable[[ViewAnswers, ViewParts, Block, T, float], None],
+) -> float:
+    """Does what `render_view_on_card` does. render: as for `render_blocks`. send: sends what it returned of a block."""
     answering = ViewAnswers(worker, work)
     if not answering.is_wanted():
         return 0.0
@@ -57,14 +79,14 @@ def render_view_on_card(worker: WorkerContext, work: ViewParts, report_compiling
     with ThreadPoolExecutor(1, thread_name_prefix="sums") as sender:
         sending: list[Future[None]] = []
         try:
-            for block, sums, took in render_blocks(worker, batches, show):
+            for block, rendered, took in render_blocks(worker, batches, show, render):
                 _set_ready(work.compiled)
                 if is_loading:
                     break
                 samples, seconds = samples + block.samples, seconds + took
                 while len(sending) >= MAX_PACKED_BEHIND:
                     sending.pop(0).result()
-                sending.append(sender.submit(_send_sums, answering, work, block, sums, took))
+                sending.append(sender.submit(send, answering, work, block, rendered, took))
                 if not answering.is_wanted():
                     break
         except (UnusableError, ReturnedError) as error:
@@ -108,3 +130,8 @@ def _send_sums(answering: ViewAnswers, work: ViewParts, block: Block, sums: Batc
         left, top = x - block.tile.x, y - block.tile.y
         packed = pack_view_sums(sums.sums[:, top : top + h, left : left + w], work)
         answering.send("part", packed, number=int(batch.batch), seconds=seconds * w * h / area)
+
+
+def _send_draft(answering: ViewAnswers, work: ViewParts, block: Block, words: npt.NDArray[np.uint32], seconds: float) -> None:
+    """Sends the draft that answers a message, as a JPEG. words: of the draft. seconds: its rendering time."""
+    answering.send("draft", encode_draft(words), seconds=seconds)

@@ -23,7 +23,7 @@ from typing import Generic, TypeVar
 from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, TrainPathGuide, WorkerReport, prepare_queue
 from renderer.sentences import Sentence
 from service.errors import AnswerTimeout, Failed, FarmError, NotFound, QueueError, Unavailable
-from service.events import BlobsReleased, Events
+from service.events import ArtifactStored, BlobsReleased, Events
 from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.unfit_machines import MachineFault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
@@ -200,6 +200,7 @@ class ArtifactTask(ABC, Generic[Request]):
         if not is_there:
             wanted.answer.set_exception(self._failure(""))
             return
+        self._events.publish(ArtifactStored(result.sha256))
         wanted.answer.set_result(result)
         self._save_made()
         if old is not None and old.sha256 != result.sha256:

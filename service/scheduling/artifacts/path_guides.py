@@ -1,7 +1,7 @@
 """Path guides of the frames of jobs with `guiding`: one slot trains a frame's guide, and the others read it.
 
 A frame's batches are dispatched when its guide is trained; meanwhile slots render other frames and jobs. If no worker can train
-it, each slot that renders the frame does so, to the same bits.
+it, or all that read such requests are paused, each slot that renders the frame trains it, to the same bits.
 """
 
 from __future__ import annotations
@@ -73,6 +73,22 @@ class PathGuides(ArtifactTask[TrainPathGuide]):
             del self._awaited[key]
         super().discard_job(job)
 
+    def release_lost(self) -> None:
+        """Also fails requests that no worker has begun and none reads any more, since only slots with cards are left."""
+        super().release_lost()
+        roster = self._workers.roster
+        with self._lock:
+            unread = [
+                key
+                for key, wanted in self._wanted.items()
+                if (lease := wanted.lease) is not None
+                and not (lease.holder or lease.has_arrived)
+                and roster.slots(lease.kind)
+                and not roster.reads_preparation(lease.kind)
+            ]
+        for key in unread:
+            self._fail_request(key, self._no_worker_error())
+
     def _frames_in_need(self, job: ActiveJob, kind: str, requested: int) -> list[ActiveFrame]:
         """Returns the frames whose guides are requested now: few more than are rendered soon.
 
@@ -127,8 +143,9 @@ class PathGuides(ArtifactTask[TrainPathGuide]):
                 self.release(job, key)
 
     def _kind(self, request: TrainPathGuide) -> str | None:
-        ready = [report for report in self._workers.roster.ready_reports() if report.kind == request.kind]
-        return request.kind if ready and all(report.trains_guides for report in ready) else None
+        roster = self._workers.roster
+        trains = all(report.trains_guides for report in roster.ready_reports() if report.kind == request.kind)
+        return request.kind if trains and roster.reads_preparation(request.kind) else None
 
     def _able_workers(self) -> list[WorkerReport]:
         return [report for report in self._workers.roster.ready_reports() if report.trains_guides]

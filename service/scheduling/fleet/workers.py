@@ -71,6 +71,13 @@ class WorkerSnapshot:
         """Returns the reports of the ready workers of this kind whose slots render with graphics cards."""
         return [report for report in self.ready_reports() if report.kind == kind and report.has_card_queue]
 
+    def reads_preparation(self, kind: str) -> bool:
+        """Returns True if a ready worker of this kind reads the kind's queue of preparation and path guides.
+
+        Workers with graphics cards beside another worker of their machine do not: that one does, unless it is paused.
+        """
+        return any(report.kind == kind and (report.views or not report.has_card_queue) for report in self.ready_reports())
+
     def slots_serving(self, queue: str, of_cpu: bool = False) -> dict[str, int]:
         """Returns the number of slots, by worker kind, of the ready workers that serve a queue.
 

@@ -118,6 +118,10 @@ int cuMemcpyDtoH_v2(void *to, uint64_t from, size_t size) {
   NEEDS_CONTEXT;
   return memcpy(to, (void *)(uintptr_t)from, size), 0;
 }
+int cuMemsetD8_v2(uint64_t to, unsigned char value, size_t size) {
+  NEEDS_CONTEXT;
+  return memset((void *)(uintptr_t)to, value, size), 0;
+}
 int cuModuleLoadDataEx(void **module, const char *ptx, unsigned count, int *options, void **values) {
   NEEDS_CONTEXT;
   if (!strstr(ptx, ".entry ")) {

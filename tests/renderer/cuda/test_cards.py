@@ -29,10 +29,13 @@ from renderer.cuda.driver import Card, Device, Driver, DriverError
 from renderer.cuda.render import CardError, CardRenderer
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES, digest
-from renderer.render import RenderStats, render_batch, render_frame
+from renderer.kernel.draft import DRAFT_STOPS
+from renderer.render import RenderStats, render_batch, render_draft, render_frame
+from renderer.self_test.compare import judge
 from renderer.settings import RenderSettings, Tile, tiles_of
 from tests.helpers import ROOT
 from tests.renderer.cuda.on_host import fake_driver, shared_object
+from tests.renderer.drafts import draft_of
 from tests.renderer.kernel.backends.features import GROUPS, VIEW, grouped, made
 from tests.renderer.test_spectral import room_by_spectra, room_over_a_catcher
 from worker.work import slot_card
@@ -183,6 +186,33 @@ def test_card_batch_equals_the_cpu_batch(card: CardRenderer) -> None:
     assert (render_batch(scene, settings, tile, 2, 5, card).sums == render_batch(scene, settings, tile, 2, 5).sums).all()
 
 
+def test_card_draft_has_the_bits_of_the_cores(card: CardRenderer) -> None:
+    """Drafts of one size after another and of whole batches between them: each begins with an empty film."""
+    scene, settings = made("diffuse")
+    whole, corner = Tile(0, 0, settings.width, settings.height), Tile(5, 7, 9, 4)
+    for tile, first, count, exposure in ((whole, 0, 4, 0.0), (whole, 0, 4, 0.0), (corner, 2, 3, 2.5), (whole, 0, 1, -3.0)):
+        sums = render_batch(scene, settings, tile, first, count).sums
+        wanted = draft_of(sums, settings.film_exponent, exposure)
+        assert (render_draft(scene, settings, tile, first, count, card, exposure) == wanted).all()
+        assert len(np.unique(wanted)) > 9
+        assert (render_batch(scene, settings, corner, 0, 2, card).sums == render_batch(scene, settings, corner, 0, 2).sums).all()
+    card.close()
+
+
+def test_draft_codes_are_the_nearest_on_a_logarithmic_scale() -> None:
+    rng = np.random.default_rng(3)
+    film = np.zeros((SAMPLES + 1, 40, 50), np.int64)
+    film[COLOR] = np.rint(2.0 ** (rng.uniform(-14, 6, (3, 40, 50)) + 20))
+    film[SAMPLES] = rng.integers(0, 5, (40, 50))
+    film[0, :10] *= -1
+    words = draft_of(film, 20)
+    codes = np.moveaxis(words.view(np.uint8).reshape(40, 50, 4), -1, 0)[:3]
+    exact = 255 * np.log2(1 + 255 * np.maximum(film[COLOR] * 2.0**-20 / np.maximum(film[SAMPLES], 1), 0)) / DRAFT_STOPS
+    assert (np.abs(codes - np.minimum(exact, 255)) < 0.5001).all()
+    assert (words >> 24 == 0).all()
+    assert (codes == 255).any()
+
+
 def test_card_mattes_and_deep_pixels_equal_the_cpu_ones(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, settings = made("glass")
     settings, tile = replace(settings, cryptomatte=4, deep=8), Tile(5, 7, 9, 4)
@@ -242,17 +272,34 @@ def test_card_frame_by_light_equals_the_cpu_one_until_it_stops(
     card.close()
 
 
-@pytest.mark.long
-def test_card_frame_through_casters_equals_the_cpu_one(library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object("full-caustics", tmp_path)))
+@pytest.mark.long  # builds the kernels of a variant, a minute each
+@pytest.mark.parametrize(
+    ("kernel", "names"),
+    (
+        ("full-caustics", ("casters", "casters by copies")),
+        ("media-caustics", ("casters by wax",)),
+        ("moving-caustics", ("casters for a camera that moves",)),
+        ("aimed-caustics", ("casters by lamps in glass",)),
+        ("catchers-caustics", ("casters on a floor that reflects",)),
+    ),
+)
+def test_card_frame_through_casters_equals_the_cpu_one(
+    kernel: str, names: tuple[str, ...], library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """With mattes and deep pixels; then the self-test of that kernel."""
+    with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object(kernel, tmp_path)))
     card = CardRenderer(find_cards(library).usable[0], library)
-    for name in ("casters", "casters by copies"):
+    for name in names:
         scene, settings = made(name)
+        settings = replace(settings, cryptomatte=2, deep=8)
         of_card, of_cpu = RenderStats(), RenderStats()
         film = render_frame(scene, settings, 3, stats=of_card, card=card)
-        assert (film == render_frame(scene, settings, 3, stats=of_cpu)).all()
+        of_pool = render_frame(scene, settings, 3, stats=of_cpu)
+        assert digest(film, of_card.hits, of_card.deep) == digest(of_pool, of_cpu.hits, of_cpu.deep)
         assert of_card.rays == of_cpu.rays
+    assert card.has_kernel(kernel)
     card.close()
+    assert judge(card.card, kernel, library) == ("", True)
 
 
 def test_few_paths_render_many_samples(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,11 +11,12 @@ import llvmlite.binding as llvm
 import numpy as np
 import pytest
 
+from renderer import variant_names
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.kernel.backends.cuda.ptx import InexactError, card_module, check_exact, emit_ptx
 from renderer.kernel.backends.cuda.target import CAPABILITY, PTX_VERSION
 from renderer.kernel.backends.cuda.wavefront import kernels_of
-from renderer.variant_names import base_variant, has_caustics
+from renderer.variant_names import base_variant, example_of, has_caustics, kernel_names, suffixes_of, variant_suffix
 from tests.grids import grid
 from tests.renderer.cuda.on_host import card_module as module_of
 
@@ -29,18 +30,31 @@ BUDGET = {
     "scatter_rare": (1152, 640, 255),
     "shade_misses": (256, 192, 200),
     "end_paths": (256, 64, 64),
+    "encode_draft": (0, 0, 40),
     "shade_hits": (256, 192, 255),  # its spills are those of reflection catchers; without, there are 16 bytes
 }
-BY_LIGHT = {"end_paths": (256, 64, 128)}  # which adds each group and path to the film
+BY_LIGHT = {"end_paths": (256, 64, 128), "shade_misses": (256, 192, 240)}  # which add light to each group and path
 OTHERS = 256, 64, 255
 MEASURED = re.compile(
     r"Function properties for (\w+)\n\s+(\d+) bytes stack frame, (\d+) bytes spill stores.*\n.*Used (\d+) registers"
 )
-# Variants with what settings add to them: in the ordinary forms, and the largest.
-WITH_SETTINGS = (
+# The most that settings can add to a variant: sets of suffixes that no other contains.
+SUFFIXES = {frozenset(suffixes_of(name)) for name in kernel_names()}
+MOST = [suffixes for suffixes in SUFFIXES if not any(suffixes < other for other in SUFFIXES)]
+FIRST_OF_FULL, *_, LARGEST = (name for name in KERNEL_VARIANTS if name != "plain")
+# Kernels that are built: of each variant without and with the most, and of the smallest and the largest all others, too.
+BUILT = [
+    name
+    for name in kernel_names()
+    if base_variant(name) in (FIRST_OF_FULL, LARGEST) or not suffixes_of(name) or suffixes_of(name) in MOST
+]
+# Kernels that are assembled, which takes ten times as long: of each variant, and of some with what settings add.
+ASSEMBLED = [
+    *KERNEL_VARIANTS,
+    *(name for name in kernel_names() if base_variant(name) in (FIRST_OF_FULL, LARGEST) and suffixes_of(name) in MOST),
     *("full-spectral", "media-spectral", "linked-spectral", "visibility-spectral", "moving-catchers-spectral"),
-    *("full-guided", "full-paths-groups", "full-caustics", "aimed-caustics"),
-)
+    *("full-guided", "full-paths-groups", "aimed-caustics", "media-caustics", "moving-caustics"),
+]
 OF_WARP = "activemask.b32", "match.any.sync.b32", "shfl.sync.idx.b32"
 
 
@@ -110,7 +124,16 @@ def test_prefetch_is_omitted() -> None:
     )
 
 
-@grid("variant", [*KERNEL_VARIANTS, *WITH_SETTINGS], ordinary=["plain"])
+def test_built_kernels_have_all_variants_and_all_that_settings_add() -> None:
+    assert {base_variant(name) for name in BUILT} == set(KERNEL_VARIANTS)
+    assert {frozenset(suffixes_of(name)) for name in BUILT} == SUFFIXES
+    assert set().union(*SUFFIXES) == set(variant_names._IN_ORDER), "a setting is missing in variant_names._VALUES"
+    assert all(f"full{variant_suffix(example_of(name)[1])}" in BUILT for name in kernel_names())
+    for name in kernel_names():
+        assert any(suffixes_of(name) <= suffixes_of(each) for each in BUILT if base_variant(each) == base_variant(name)), name
+
+
+@grid("variant", BUILT, ordinary=["plain"])
 def test_variant_ptx_has_all_kernels(variant: str) -> None:
     ptx = emit_ptx(module_of(variant).clone())
     assert f".target sm_{CAPABILITY[0]}{CAPABILITY[1]}" in ptx
@@ -120,7 +143,7 @@ def test_variant_ptx_has_all_kernels(variant: str) -> None:
 
 
 @pytest.mark.long  # takes a minute for each variant
-@pytest.mark.parametrize("variant", [*KERNEL_VARIANTS, *WITH_SETTINGS])
+@pytest.mark.parametrize("variant", ASSEMBLED)
 def test_registers_and_spills_stay_within_their_budget(variant: str, tmp_path: Path) -> None:
     assembler = shutil.which("ptxas") or pytest.skip("There is no ptxas (pip install nvidia-cuda-nvcc).")
     path = tmp_path / "kernel.ptx"
@@ -132,6 +155,6 @@ def test_registers_and_spills_stay_within_their_budget(variant: str, tmp_path: P
         said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
         found = {name: tuple(map(int, used)) for name, *used in MEASURED.findall(said)}
         assert sorted(found) == _kernels(variant)
-        budget = BUDGET | (BY_LIGHT if variant.endswith(("-paths", "-groups")) else {})
+        budget = BUDGET | (BY_LIGHT if suffixes_of(variant) & {"-paths", "-groups"} else {})
         over = {name: used for name, used in found.items() if (np.array(used) > budget.get(name, OTHERS)).any()}
         assert not over, architecture

@@ -55,20 +55,25 @@ def card(library: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Card:
 @grid("scene", SCENES, ordinary=[SCENES[1]], ids=[scene.name for scene in SCENES])
 def test_scene_uses_the_parts_of_a_kernel_that_it_is_for(scene: SelfTestScene) -> None:
     first = next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in scene.needs))
-    assert variant_for(settings_for(first, scene), scene.compiled()) == first
+    assert variant_for(settings_for(first, scene), scene.compiled(first)) == first
 
 
 def test_each_part_of_a_kernel_has_a_scene() -> None:
     parts = {part for has in KERNEL_VARIANTS.values() for part in has._fields if getattr(has, part)}
     assert {part for scene in SCENES for part in scene.needs} == parts
     assert [scene.name for scene in scenes_for("plain")] == ["surfaces"]
-    assert scenes_for("moving-huang") == [scene for scene in SCENES if not scene.has_casters]
-    (of_caustics,) = scenes_for("full-caustics")
-    assert caustic_tables(of_caustics.compiled()) is not None
+    assert scenes_for("moving-huang") == [*SCENES]
+    of_caustics = scenes_for("moving-huang-caustics")
+    assert parts - {part for scene in of_caustics for part in scene.needs} == {"pivots", "grids", "links", "visibility"}
     for kernel in ("full-caustics", "full-guided", "plain-paths-groups", "media-spectral"):
         (scene, *_), settings = scenes_for(kernel), example_of(kernel)[1]
         assert kernel.endswith(variant_suffix(settings_for(kernel, scene)))
         assert kernel_name(settings, "full") == kernel_name(settings_for(kernel, scene), "full")
+
+
+@grid("scene", SCENES, ordinary=["surfaces", "skin"], ids=[scene.name for scene in SCENES])
+def test_scene_has_caustics_if_tables_support_it(scene: SelfTestScene) -> None:
+    assert (caustic_tables(scene.compiled("full-caustics")) is not None) == scene.has_caustics
 
 
 def test_exact_card_passes(card: Card, library: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import errno
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from renderer.scene.studio import NO_LIGHTS_WARNING
+from service.store.models import Scene
 from service.store.staging import BlobWriter
-from tests.service.conftest import Service
+from tests.service.conftest import Service, until
 
 
 def test_example_equals_its_upload(service: Service) -> None:
@@ -21,6 +24,28 @@ def test_example_equals_its_upload(service: Service) -> None:
     path: Path = service.farm.settings.examples / "cornell-box.yaml"
     uploaded = service.http.post("/api/scenes", files={"files": (path.name, path.read_bytes())})
     assert uploaded.json()["id"] == opened.json()["id"]
+
+
+def test_lit_scene_is_the_same_with_and_without_automatic_floor(service: Service) -> None:
+    """The command line and the page ask for a floor where a file has no light; curl and the examples ask for none."""
+
+    def upload(text: bytes, **fields: str) -> dict[str, Any]:
+        answer = service.http.post("/api/scenes", data=fields, files={"files": ("lit.yaml", text)}).raise_for_status()
+        found: dict[str, Any] = answer.json()
+        until(lambda: service.scene(found["id"])["status"] == "ready", "it is prepared")
+        return found
+
+    with service.worker():
+        for text, first, second in ((b"# 1", {}, {"floor": "auto"}), (b"# 2", {"floor": "auto"}, {})):
+            found = upload(text, **first)
+            assert upload(text, **second)["id"] == found["id"]
+            assert upload(text, floor="on")["id"] != found["id"]
+            assert upload(text, environment="overcast")["id"] != found["id"]
+            with service.farm.sessions.begin() as session:
+                scene = session.get(Scene, found["id"])
+                assert scene is not None and scene.info is not None
+                scene.info = {**scene.info, "warnings": [NO_LIGHTS_WARNING]}
+            assert upload(text, **second)["id"] != found["id"], "it has a floor, or might have one"
 
 
 def test_example_includes_all_its_files(service: Service) -> None:

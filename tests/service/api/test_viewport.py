@@ -222,6 +222,49 @@ def test_parts_of_lost_worker_are_rendered_again(service: Service) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("trouble", ("none", "loads", "cannot", "dies"))
+def test_cards_draft_a_view_while_it_moves(service: Service, worker: PeerWorker, trouble: str) -> None:
+    """Each view begins with a draft, unless the card does not make it; the view that stays becomes exact."""
+    declined: list[int] = []
+
+    def decline(work: ViewParts) -> dict[str, object] | None:
+        if work.draft is None or trouble in ("none", "dies"):
+            return None
+        declined.append(work.view)
+        return {"error": "The scene does not fit."} if trouble == "cannot" else {"is_loading": True}
+
+    with service.worker(name="card", slots=1, has_cards=True, views=False, denoises=False) as card:
+        card.drafts, card.on_view = True, decline
+        card.report()
+        card.on_part = lambda work, part: False if trouble == "dies" and work.draft is not None else None
+        with look(service, service.ready_scene()) as viewer:
+            until(lambda: service.farm.views._cards.accepting("test-kind"), "the card is known")
+            viewer.show(1, spp=2)
+            viewer.wait(1, 2)
+            assert not viewer.drafts, "nobody asked for one, and the card's speed is not known before"
+            for id in range(2, 5):
+                viewer.show(id, spp=32, seed=3, draft=1.5)
+                if trouble == "none":
+                    has_come = lambda count=id - 1: (viewer.read(0.01), len(viewer.drafts) == count)[1]  # noqa: E731
+                    until(has_come, f"view {id} has a draft")
+            viewer.wait(4, 32)
+            if trouble == "none":
+                sizes = [(48, 32, 1), (96, 64, 4), (96, 64, 4)]  # the first by the speed of pieces
+                for id, (width, height, samples), (head, jpeg) in zip((2, 3, 4), sizes, viewer.drafts, strict=True):
+                    assert head._replace(seq=0) == (id, 0, width, height, 96, 64, samples, 1.5)
+                    assert jpeg == card.draft_jpeg
+                parts = [part for work, part in card.parts if work.draft is not None]
+                assert parts == [Part(0, Tile(0, 0, width, height), 0, samples) for width, height, samples in sizes]
+                assert {size for id, size in viewer.pictures if id > 1} == {(96, 64)}, "no small picture follows a draft"
+            else:
+                assert not viewer.drafts
+                assert trouble != "cannot" or len(declined) == 1, "a card that cannot render the view makes no further draft"
+            expected = film_math.mean(expected_sums(Tile(0, 0, 96, 64), 0, 32, 3), 24)
+            np.testing.assert_array_equal(viewer.words, rgbe9995.pack(expected))
+            assert not viewer.errors
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("trouble", ("none", "loads", "cannot", "busy", "dies"))
 def test_cards_take_pieces_first_and_lose_none(service: Service, worker: PeerWorker, trouble: str) -> None:
     """A card's worker beside the cores: each picture is exact, whatever the card does with its messages."""

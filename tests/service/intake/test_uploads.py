@@ -97,6 +97,16 @@ def test_zip_equals_upload_of_its_files(service: Service) -> None:
     assert packed.json()["id"] == plain.json()["id"]
 
 
+def test_archive_names_its_scene(service: Service) -> None:
+    """The name is that of an archive that is the whole upload, unless the form or a scene file in YAML states one."""
+    files = {"spot/spot_triangulated.obj": OBJ + b"# zip", "spot/spot_control_mesh.obj": OBJ}
+    named = post(service, [("spot.zip", zip_bytes(files))]).json()
+    assert (named["name"], named["main"]) == ("spot", "spot_triangulated.obj")
+    assert post(service, [("a.zip", zip_bytes({"b.obj": OBJ + b"# b"}))], name="C").json()["name"] == "C"
+    assert post(service, [("a.zip", zip_bytes({"s.yaml": b"shapes: []\nname: lamp 2\n"}))]).json()["name"] == "lamp 2"
+    assert post(service, [("a.zip", zip_bytes({"wood.png": b"w"})), ("b.obj", OBJ + b"# two")]).json()["name"] == "b"
+
+
 def test_zip_in_a_zip_without_scene_is_unpacked(service: Service) -> None:
     """As many models are offered for download: source/NAME.zip, and textures beside."""
     inner = zip_bytes({"cube.obj": OBJ, "__MACOSX/._cube.obj": b"x"})

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import threading
+import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -13,6 +15,7 @@ import pytest
 from sqlalchemy.orm import Session
 
 from service.errors import NotOwner, Unavailable
+from service.events import ArtifactStored, BlobsReleased
 from service.store.blobs import BlobFolder
 from service.store.database import connect
 from service.store.garbage import AT_A_TIME, Garbage
@@ -116,6 +119,24 @@ def test_pinned_blob_is_deleted_if_no_scene_is_created(garbage: tuple[Garbage, B
         collector.collect(lambda session: {sha256})
         assert blobs.exists(sha256)
         raise RuntimeError("refused")
+    assert not blobs.exists(sha256)
+
+
+@pytest.mark.parametrize("is_in_use", (True, False))
+def test_unreferenced_blob_of_a_restart_is_deleted_unless_an_artifact_is_in_it(
+    garbage: tuple[Garbage, BlobFolder], is_in_use: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such as a path guide that was trained before the restart, and once more after it."""
+    collector, blobs = garbage
+    sha256 = put(blobs, b"guide")
+    collector.adopt_unreferenced({sha256})
+    if is_in_use:
+        collector.handle_artifact(ArtifactStored(sha256))
+    now = time.monotonic()
+    monkeypatch.setattr("service.store.garbage.time.monotonic", lambda: now + 61)
+    collector.collect(lambda session: set())
+    assert blobs.exists(sha256) == is_in_use
+    collector.handle_release(BlobsReleased(Counter([sha256])))
     assert not blobs.exists(sha256)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from service.viewing.passes import FIRST_PICTURE_S, Passes, Piece, levels_of
+from service.viewing.passes import DRAFT_S, FIRST_PICTURE_S, Passes, Piece, draft_size, levels_of
 
 
 def all_of(passes: Passes) -> list[list[Piece]]:
@@ -51,3 +51,14 @@ def test_lost_pieces_are_sent_next() -> None:
     passes.next_message()
     passes.requeue(first)
     assert passes.next_message()[: len(first)] == first
+
+
+def test_draft_is_as_large_as_a_card_renders_in_time() -> None:
+    for cost in np.geomspace(1e-11, 1e-6, 40):
+        width, height, samples = draft_size(1920, 1080, 256, cost)
+        assert width * height * samples * cost <= DRAFT_S or (width, height, samples) == (240, 135, 1)
+        assert 240 <= width <= 1920 and width % 240 == 0 and height == 1080 * width // 1920 and 1 <= samples <= 4
+        assert samples == 1 or (width, height) == (1920, 1080), "size precedes samples"
+    assert draft_size(1920, 1080, 256, 2e-9) == (1920, 1080, 4)
+    assert draft_size(1920, 1080, 2, 2e-9) == (1920, 1080, 2), "not more samples than the view"
+    assert draft_size(16, 16, 256, 1.0) == (2, 2, 1)

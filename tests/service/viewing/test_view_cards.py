@@ -104,3 +104,26 @@ def test_message_for_a_card_is_large() -> None:
     rest = [piece for _ in range(10000) for piece in passes.next_card_message(CARD_S)]
     assert rest[-1].first + rest[-1].count == 16
     assert len({*first, *whole, *rest}) == len(first) + len(whole) + len(rest)
+
+
+def test_drafts_go_to_idle_cards_that_make_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A draft's cost is that of pieces until a draft was measured; the slowest card counts."""
+    reports = {"old": report("old", views_on_cards=True)}
+    cards = ViewCards(SimpleNamespace(roster=WorkerSnapshot(reports=reports)))  # type: ignore[arg-type]
+    cards.update(REQUEST, "old", CARD_S)
+    session = session_of()
+    assert cards.draft_cost_s(REQUEST, "k", "c", SETTINGS) is None
+    assert cards.free(session, [], [], True, drafts=True) is None
+    for name in ("one", "two"):
+        reports[name] = report(name, views_on_cards=True, drafts_views=True)
+    cards = ViewCards(SimpleNamespace(roster=WorkerSnapshot(reports=reports)))  # type: ignore[arg-type]
+    assert cards.draft_cost_s(REQUEST, "k", "c", SETTINGS) is None, "no card has rendered the scene"
+    cards.update(REQUEST, "one", CARD_S)
+    cards.update(REQUEST, "two", 2 * CARD_S)
+    assert cards.draft_cost_s(REQUEST, "k", "c", SETTINGS) == 2 * CARD_S
+    cards.update_draft(REQUEST, "two", CARD_S / 2)
+    assert cards.draft_cost_s(REQUEST, "k", "c", SETTINGS) == CARD_S
+    found = cards.free(session, [], [], True, drafts=True)
+    assert found is not None and found.name == "one", "and not the one of an earlier release"
+    cards.set_busy("one")
+    assert cards.draft_cost_s(REQUEST, "k", "c", SETTINGS) == CARD_S / 2

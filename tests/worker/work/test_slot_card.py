@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from protocol.card import CardBatches
 from protocol.contract import RenderBatch, Result
@@ -79,7 +81,8 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Any:
     sent: list[Result] = []
     failed_tests: dict[str, str] = {}
     monkeypatch.setattr(slot_card, "CardRenderer", Renderer)
-    monkeypatch.setattr(slot_card, "render_batch", rendered)
+    for module in (slot_card, view_card):
+        monkeypatch.setattr(module, "render_batch", rendered)
     monkeypatch.setattr(slot_card, "variant_for", lambda settings, scene: "plain")
     monkeypatch.setattr(slot_card, "mapped_scene", lambda worker, sha256: SimpleNamespace())
     monkeypatch.setattr(slot_card, "fetch_kernel", lambda link, folder, name: (True, f"{name} fetched"))
@@ -289,6 +292,27 @@ def test_view_is_declined_while_its_scene_is_loaded_and_then_rendered(worker: An
     assert kinds == ["begun", *["part"] * 18, "over"]
     slot_card._cards.clear()
     assert view(worker, monkeypatch)[1] == ("declined", {"is_loading": True}), "of a kernel that is not loaded"
+
+
+def test_draft_of_a_view_is_rendered_as_one_tile_and_sent_as_a_jpeg(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The colours of the JPEG are those of the draft, red in the lowest byte, and have no more noise than its compression."""
+
+    def drafted(scene: Any, settings: Any, tile: Tile, first: int, count: int, card: Any, exposure: float) -> Any:
+        assert (card.card, tile, first, count, exposure) == (CARDS[1], Tile(0, 0, 160, 130), 0, 4, 0.0)
+        return words
+
+    y, x = np.mgrid[:130, :160].astype(np.uint32)
+    words = x | (y << 8) | (200 << 16)
+    monkeypatch.setattr(view_card, "_ready", {"0" * 64: None})
+    monkeypatch.setattr(view_card, "render_draft", drafted)
+    slot_card._cards[3] = Renderer(CARDS[1])  # type: ignore[assignment]
+    slot_card._cards[3].loaded.add("plain")  # type: ignore[union-attr]
+    begun, (kind, more), over = view(worker, monkeypatch, parts=[Part(0, Tile(0, 0, 160, 130), 0, 4)], draft=0.0)
+    assert (begun, kind, over) == (("begun", {}), "draft", ("over", {}))
+    assert more["seconds"] >= 0
+    assert worker.speed > 0
+    picture = np.asarray(Image.open(io.BytesIO(more["sums"]))).astype(int)
+    np.testing.assert_allclose(picture, np.stack([x, y, np.full_like(x, 200)], -1), atol=12)
 
 
 @pytest.mark.parametrize(

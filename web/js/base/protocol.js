@@ -15,6 +15,9 @@ export const EXACT = 2147483648;
 /** Likewise a tile with alpha. */
 export const ALPHA = 1073741824;
 
+/** The kind of a draft's packet, its second byte. */
+export const DRAFT_KIND = 6;
+
 /** Codes with which the service closes a WebSocket: what it is about is not there, or was deleted. */
 export const NOT_FOUND = 4404;
 export const GONE = 4410;
@@ -125,23 +128,62 @@ export function decodeViewTileHead(view, at = 0) {
 }
 
 /**
+ * The head of a draft, a picture of a live view whose camera moves. A JPEG follows, which has no color profile.
+ *
+ * @typedef {object} DraftHead
+ * @property {number} id u32: the client's number of the view, modulo 2**32
+ * @property {number} seq u32: number that the client acknowledges, modulo 2**32
+ * @property {number} w u16: width of this picture
+ * @property {number} h u16: height of this picture
+ * @property {number} whole_w u16: width of the whole view
+ * @property {number} whole_h u16: height of the whole view
+ * @property {number} samples u32: samples per pixel
+ * @property {number} exposure f32: exposure of the JPEG's scale, in stops
+ */
+
+export const DRAFT_HEAD_BYTES = 26;
+
+/** @param {DataView} view @param {number} [at] @returns {DraftHead} */
+export function decodeDraftHead(view, at = 0) {
+  check(view, at, 1, 6, "draft");
+  return {
+    id: view.getUint32(at + 2, true),
+    seq: view.getUint32(at + 6, true),
+    w: view.getUint16(at + 10, true),
+    h: view.getUint16(at + 12, true),
+    whole_w: view.getUint16(at + 14, true),
+    whole_h: view.getUint16(at + 16, true),
+    samples: view.getUint32(at + 18, true),
+    exposure: view.getFloat32(at + 22, true),
+  };
+}
+
+/**
  * The head of a preview mesh.
  *
  * @typedef {object} MeshHead
- * @property {number} background u16: the world's sRGB colour, 5 bits each from the highest, and 1; 0: the studio, or not known
+ * @property {number} width u16: columns of the environment's texels
+ * @property {number} height u16: rows of them; 0: it is black
+ * @property {number} studio u16: 1: the environment is the studio that scenes without lights are given; 0: it is not
  * @property {number} vertices u32: number of vertices
  * @property {number} triangles u32: number of triangles
+ * @property {number} uvs u32: number of vertices, or 0 if there are no textures
+ * @property {number} described u32: number of bytes of the JSON
  */
 
-export const MESH_HEAD_BYTES = 12;
+export const MESH_HEAD_BYTES = 24;
 
 /** @param {DataView} view @param {number} [at] @returns {MeshHead} */
 export function decodeMeshHead(view, at = 0) {
-  check(view, at, 1, 4, "preview mesh");
+  check(view, at, 2, 4, "preview mesh");
   return {
-    background: view.getUint16(at + 2, true),
-    vertices: view.getUint32(at + 4, true),
-    triangles: view.getUint32(at + 8, true),
+    width: view.getUint16(at + 2, true),
+    height: view.getUint16(at + 4, true),
+    studio: view.getUint16(at + 6, true),
+    vertices: view.getUint32(at + 8, true),
+    triangles: view.getUint32(at + 12, true),
+    uvs: view.getUint32(at + 16, true),
+    described: view.getUint32(at + 20, true),
   };
 }
 

@@ -59,6 +59,13 @@
  * @typedef {SettingsTable & {formats: string[], foreign: Record<string, string>, foreign_codes?: Codes}} Info what this farm takes; formats: suffixes
  *     of what may be uploaded; foreign: of what may not, and how to get out of it what may
  *
+ * @typedef {object} Joining commands for a POSIX shell with which workers join this farm
+ * @property {string | null} url for other machines; null: the settings name none
+ * @property {string | null} start starts the farm for other machines; null: they reach it, or it is unknown
+ * @property {string} token run on the farm's machine: writes a new worker's token to NAME.token
+ * @property {string} here run on the farm's machine: starts a worker there
+ * @property {string} program on other machines
+ *
  * @typedef {"queued" | "running" | "paused" | "finished" | "failed" | "cancelled"} JobState
  *
  * @typedef {object} Review

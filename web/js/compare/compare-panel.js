@@ -31,7 +31,7 @@ export function sideChoice(letter, state, { picture: job, channel, at }, moments
   const uploaded = h("optgroup", { label: t("Reference pictures") });
   // Where a closed select can be styled: the name, cut off if there is no room, and the samples. The list has all.
   const [chosenName, chosenFact] = [h("span", { class: "chosen-name" }), h("span", { class: "quiet number" })];
-  pictures.append(h("button", { type: "button", class: "chosen" }, chosenName, chosenFact), rendered, uploaded);
+  pictures.append(h("button", { type: "button", class: "chosen", inert: true }, chosenName, chosenFact), rendered, uploaded);
   const showPicture = keyedList(rendered, ({ id }) => id, pictureOption);
   const showReference = keyedList(uploaded, ({ id }) => id, referenceOption);
   const steps = h("select", {

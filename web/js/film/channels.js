@@ -60,7 +60,7 @@ export const lightGroupOf = (name) => (name.startsWith(PATH) ? name : name.start
 export const channelOfLight = (group) => LIGHT + group;
 
 /** @param {string} group @returns {string} its name for people */
-export const lightName = (group) => (group === REST ? t("All others") : group);
+export const lightName = (group) => (group === REST ? t("All others") : group === "environment" ? t("Environment") : group);
 
 /** @param {Record<string, any> | null} settings a job's @returns {string[]} the names of its light groups; [] without any */
 export const lightGroups = (settings) => (settings?.light_groups ? [...settings.light_groups.split(","), REST] : []);

@@ -21,7 +21,7 @@ const TILES_MS = 150;
 /** Interval, in milliseconds, at which the end of a drawing is looked for. */
 const FENCE_MS = 10;
 
-const UNIFORMS = /** @type {const} */ (["film", "canvasSize", "origin", "scale", "gain", "curve", "viewTable", "raw", "part", "alpha", "hasAlpha", "square", "high"]);
+const UNIFORMS = /** @type {const} */ (["film", "canvasSize", "origin", "scale", "gain", "curve", "viewTable", "coding", "part", "alpha", "hasAlpha", "square", "high"]);
 
 /** Error: the browser cannot show a film; the message is the reason. */
 export class CannotShow extends Error {}
@@ -287,7 +287,7 @@ export class FilmCanvas {
     gl.uniform1i(uniforms?.part ?? null, 0);
     gl.uniform1i(uniforms?.hasAlpha ?? null, 0);
     gl.uniform1i(uniforms?.high ?? null, 0);
-    gl.uniform1i(uniforms?.raw ?? null, layer.image ? 1 : 0);
+    gl.uniform1i(uniforms?.coding ?? null, layer.coding);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     const below = new Uint8Array(4 * width * height);
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, below);
@@ -316,7 +316,7 @@ export class FilmCanvas {
     gl.uniform2f(uniforms?.canvasSize ?? null, canvas.width, canvas.height);
     gl.uniform2f(uniforms?.origin ?? null, viewport.x + shift, viewport.y);
     gl.uniform1f(uniforms?.scale ?? null, (viewport.scale * viewport.picture.width) / layer.size.width);
-    gl.uniform1f(uniforms?.gain ?? null, 2 ** look.exposure);
+    gl.uniform1f(uniforms?.gain ?? null, 2 ** (look.exposure - (layer.draftExposure ?? 0)));
     gl.uniform1i(uniforms?.curve ?? null, this.curve());
     gl.uniform1i(uniforms?.part ?? null, partIndex(look.part ?? ""));
     gl.uniform1i(uniforms?.hasAlpha ?? null, layer.hasAlpha ? 1 : 0);
@@ -327,7 +327,7 @@ export class FilmCanvas {
       gl.uniform1i(uniforms?.alpha ?? null, 2);
       gl.uniform1f(uniforms?.square ?? null, SQUARE * devicePixelRatio);
     }
-    gl.uniform1i(uniforms?.raw ?? null, layer.image ? 1 : 0);
+    gl.uniform1i(uniforms?.coding ?? null, layer.coding);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 

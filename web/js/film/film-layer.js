@@ -4,6 +4,9 @@
 /** Coverage before a transparent background, 0 to 255, rows from the top. @typedef {{width: number, height: number, bytes: Uint8Array}} Coverage */
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
 
+/** What a texture has: radiance, display values, or a draft's logarithms of radiance. */
+export const [LINEAR, DISPLAY, LOGARITHMIC] = [0, 1, 2];
+
 export class FilmLayer {
   /**
    * @param {WebGL2RenderingContext} gl
@@ -18,6 +21,8 @@ export class FilmLayer {
     this.film = null;
     /** Shown instead of the film. @type {ImageBitmap | null} */
     this.image = null;
+    /** Exposure of the image's logarithmic scale, in stops; null: the image has display values. @type {number | null} */
+    this.draftExposure = null;
     /** @type {WebGLTexture | null} */
     this.texture = null;
     /** Format and size of the allocated texture. */
@@ -41,10 +46,14 @@ export class FilmLayer {
     this.upload();
   }
 
-  /** @param {ImageBitmap} image display values, sRGB-coded; it is this layer's from now on */
-  setImage(image) {
+  /**
+   * @param {ImageBitmap} image display values, sRGB-coded, or a draft; it is this layer's from now on
+   * @param {number | null} [draftExposure] of a draft, see `DraftHead` in protocol/pictures.py
+   */
+  setImage(image, draftExposure = null) {
     this.dropImage();
     this.image = image;
+    this.draftExposure = draftExposure;
     this.upload();
   }
 
@@ -126,9 +135,15 @@ export class FilmLayer {
     this.texture = newTexture(gl, format, size);
   }
 
+  /** The shader's number for what the texture has. */
+  get coding() {
+    return this.image === null ? LINEAR : this.draftExposure === null ? DISPLAY : LOGARITHMIC;
+  }
+
   dropImage() {
     this.image?.close();
     this.image = null;
+    this.draftExposure = null;
   }
 
   clear() {

@@ -1,6 +1,7 @@
 /** The shader that shows a film: resampling, exposure, tone curve, sRGB. */
 
 import { COLOUR_MAP_GLSL } from "./colour-map.js";
+import { DISPLAY, LOGARITHMIC } from "./film-layer.js";
 import { CURVES, TONEMAP_GLSL } from "./tonemap.js";
 import { VIEW_TABLE_GLSL } from "./view-tables.js";
 import { t } from "../base/words.js";
@@ -38,14 +39,14 @@ precision highp int;
 precision highp sampler2D;
 precision highp sampler3D;
 
-uniform sampler2D film;      // linear RGB, row 0 at the top; or sRGB-coded display values where raw is set
+uniform sampler2D film;      // of coding, row 0 at the top
 uniform vec2 canvasSize;     // device pixels
 uniform vec2 origin;         // of the picture on the canvas, from the upper left corner
 uniform float scale;         // device pixels per picture pixel
-uniform float gain;          // 2^exposure
+uniform float gain;          // 2^exposure, of a draft relative to its own
 uniform int curve;
 uniform sampler3D viewTable; // of an OpenColorIO view, instead of a curve
-uniform bool raw;
+uniform int coding;          // linear RGB, sRGB-coded display values, or the logarithms of a draft (protocol/pictures.py)
 uniform int part;
 uniform sampler2D alpha;     // the film's coverage, as grey, where hasAlpha is set
 uniform bool hasAlpha;
@@ -134,6 +135,8 @@ void main() {
     return;
   }
   vec3 linear = footprint(film, lo, hi);
+  if (coding == ${LOGARITHMIC}) linear = (exp2(12.0 * linear) - 1.0) / 255.0;
+  bool raw = coding == ${DISPLAY};
   color = vec4(raw ? linear : shown(linear * gain), 1.0);
   if (high && !raw && part == 0) color.rgb = highRange(linear * gain);
   if (hasAlpha && part == 0) color = vec4(beforeSquares(linear, footprint(alpha, lo, hi).r, p), 1.0);

@@ -132,6 +132,8 @@ export class PictureSide {
       this.layer.setFilm(film);
       this.state.update((state) => ({ ...state }));
     }
+    const { isPreview, isLast } = this.state.value;
+    if (isPreview && !isLast && this.live.isRendering === false) this.state.update((state) => ({ ...state, isLast: true })); // it is not renewed again
     if (this.isPreviewDue() || this.isLastDue()) void this.fetch();
   }
 

@@ -146,7 +146,7 @@ export function explainPanel(picture, life, moments) {
     isOn = on;
     button.setAttribute("aria-pressed", String(on));
   };
-  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Explain a pixel"), onclick: () => turn(!isOn) }, icon("path"), toolWord(t("Explain"), t("Explain pixel")));
+  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Explain a pixel"), onclick: () => turn(!isOn) }, icon("path"), toolWord(t("Explain")));
   button.title = t("Explain a pixel: click on the picture to see its light's paths (Q explains the one under the cursor)");
   if (view) {
     /** @type {Pixel | null} */

@@ -31,7 +31,7 @@ export function focusTool(job, picture, life) {
     "button",
     { class: "icon-button for-submit part-first", type: "button", "aria-pressed": "false", "aria-label": t("Render a part first"), onclick: () => turn(!isOn) },
     icon("region"),
-    toolWord(t("Part first"), t("Render a part first")),
+    toolWord(t("Part first")),
   );
   button.title = t("Render a part first: click or drag on the picture (A); Shift and drag does it at once");
   const said = h("span");

@@ -13,9 +13,8 @@ import { t } from "../base/words.js";
 const DONE_MS = 1600;
 const NO_CLIPBOARD = t("Browsers copy from pages on HTTPS and localhost only.");
 
-/** The word on a tool's button, shown where there is room. @param {string} word @param {string} [long] shown instead where there is more */
-export const toolWord = (word, long) =>
-  h("span", { class: "tool-word", "aria-hidden": "true" }, long ? [h("span", { class: "short" }, word), h("span", { class: "long" }, long)] : word);
+/** The word on a tool's button, shown where there is room. @param {string} word */
+export const toolWord = (word) => h("span", { class: "tool-word", "aria-hidden": "true" }, word);
 
 /**
  * @param {HTMLElement} stage

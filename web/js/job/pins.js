@@ -142,7 +142,7 @@ export function pinsPanel(picture, display, life, explain, tell) {
 
   /** Whether the tool is active, so that a click or drag sets a pin. */
   let isOn = false;
-  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Pin pixels"), onclick: () => turn(!isOn) }, icon("pin"), toolWord(t("Pin"), t("Pin pixel")));
+  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Pin pixels"), onclick: () => turn(!isOn) }, icon("pin"), toolWord(t("Pin")));
   button.title = t("Pin pixels: click on the picture to pin a pixel or let it go (V pins the one under the cursor); drag to measure an area");
   const turn = (/** @type {boolean} */ on) => {
     isOn = on;

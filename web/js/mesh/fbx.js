@@ -6,8 +6,9 @@
 import { pictureType } from "./files.js";
 import { arrayOf, childOf, nodesOf, propertiesOf } from "./fbx-nodes.js";
 import { IDENTITY, cofactors, product, rotation, scaling, translation, transposed } from "./matrix.js";
-import { GREY, WHITE, coded, modelOf } from "./model.js";
+import { GREY, coded, modelOf } from "./model.js";
 import { orbitView } from "./shapes.js";
+import { OMNI, dielectric, phongRoughness } from "./surface.js";
 
 /** @typedef {import("./fbx-nodes.js").Node} Node */
 /** @typedef {import("./fbx-nodes.js").Value} Value */
@@ -16,7 +17,7 @@ import { orbitView } from "./shapes.js";
 /** @typedef {import("./shapes.js").Shape} Shape */
 /** @typedef {Map<string, Value[]>} Properties */
 /** @typedef {{node: Node, kind: string, properties: Properties}} Thing an object of the file; kind: its class, such as "Mesh" */
-/** @typedef {{color: number[], image: Picture | null}} Material */
+/** isKnown: whether the service reads the same. @typedef {{color: number[], image: Picture | null, surface: Partial<import("../news/mesh-packet.js").MeshMaterial>, isKnown: boolean}} Material */
 
 const ORDERS = ["xyz", "xzy", "yzx", "yxz", "zxy", "zyx"];
 const MOST_DEPTH = 256;
@@ -47,6 +48,10 @@ class Scene {
     this.finestOf = new Map();
     /** Images in the file, by their bytes. @type {Map<Uint8Array, Picture>} */
     this.pictures = new Map();
+    this.isBlenders = String(childOf(nodes.find(({ name }) => name === "FBXHeaderExtension"), "Creator")?.values[0] ?? "").startsWith("Blender");
+    const templates = nodes.find(({ name }) => name === "Definitions")?.children.filter(({ name }) => name === "ObjectType") ?? [];
+    /** What materials have that do not state it. */
+    this.materialDefaults = propertiesOf(childOf(templates.find(({ values }) => values[0] === "Material"), "PropertyTemplate"));
     this.settings = propertiesOf(nodes.find(({ name }) => name === "GlobalSettings"));
     this.root = rootOf(this.settings);
     for (const node of nodes.find(({ name }) => name === "Objects")?.children ?? [])
@@ -117,27 +122,26 @@ export async function readFbx(file, picture, most) {
   /** @type {Part[]} */
   const parts = [];
   let corners = 0;
-  let isStill = !scene.all("AnimationCurve").length;
+  let isWhole = !scene.all("AnimationCurve").length;
   for (const [id] of scene.all("Model")) {
     if (!scene.isShown(id)) continue;
     for (const [geometry, thing] of scene.below(id, "Geometry", "Mesh")) {
-      isStill &&= !scene.below(geometry, "Deformer").length;
+      isWhole &&= !scene.below(geometry, "Deformer").length;
       const shapes = await shapesOf(thing.node, await placing(scene, id, geometry));
       const slots = scene.below(id, "Material");
       for (const [slot, shape] of shapes) {
         corners += shape.indices.length;
         if (corners > MOST_CORNERS) return null;
         const [key, material] = slots[slot] ?? ["", undefined];
-        if (!materials.has(key)) materials.set(key, material ? materialOf(scene, key, material, picture) : Promise.resolve({ color: GREY, image: null }));
-        const { color, image } = await /** @type {Promise<Material>} */ (materials.get(key));
-        parts.push({ shape: image ? { ...shape, colors: null } : shape, color, image });
+        if (!materials.has(key)) materials.set(key, material ? materialOf(scene, key, material, picture) : Promise.resolve({ color: GREY, image: null, surface: {}, isKnown: true }));
+        const { color, image, surface, isKnown } = await /** @type {Promise<Material>} */ (materials.get(key));
+        isWhole &&= isKnown;
+        parts.push({ shape: image ? { ...shape, colors: null } : shape, color, image, surface });
       }
     }
   }
-  const lamps = lampsOf(scene);
-  const isLit = lamps.length > 0; // in a black world
-  const isWhole = isStill && parts.some(({ image }) => image); // else its textures may be of types that only the service reads
-  return modelOf(parts, IDENTITY, isWhole, most, { background: isLit ? [0, 0, 0] : null, lamps: isLit ? lamps : undefined, camera: (low, high) => cameraOf(scene, low, high) });
+  const isRead = isWhole && parts.some(({ image }) => image); // else its textures may be of types that only the service reads
+  return modelOf(parts, IDENTITY, isRead, most, { lamps: lampsOf(scene), camera: (low, high) => cameraOf(scene, low, high) });
 }
 
 /** @param {Properties} properties @param {string} name @param {number} otherwise @returns {number} */
@@ -305,14 +309,44 @@ async function layerOf(geometry, layer, name, indexed, width, polygons) {
 }
 
 /** @param {Scene} scene @param {string} id @param {Thing} thing @param {(reference: string) => Promise<Picture | null>} picture @returns {Promise<Material>} */
-async function materialOf(scene, id, { properties }, picture) {
-  const glow = vectorIn(properties, "EmissiveColor").map((value) => value * numberIn(properties, "EmissiveFactor", 1));
-  if (Math.max(...glow) > 0) return { color: [...coded(glow), 0], image: null };
+async function materialOf(scene, id, { node, properties: stated }, picture) {
+  const properties = new Map([...scene.materialDefaults, ...stated]);
+  const emission = /** @type {import("./shapes.js").Vec3} */ (vectorIn(properties, "EmissiveColor").map((value) => value * numberIn(properties, "EmissiveFactor", 1)));
   const factor = numberIn(properties, "DiffuseFactor", 1);
-  const texture = scene.children.get(id)?.find(({ property }) => property === "DiffuseColor")?.id;
+  const connected = scene.children.get(id) ?? [];
+  const texture = connected.find(({ property }) => property === "DiffuseColor")?.id;
   const image = texture === undefined ? null : await imageOf(scene, texture, picture);
-  if (image) return { color: factor === 1 ? WHITE : [...coded([factor, factor, factor]), 255], image };
-  return { color: [...coded(vectorIn(properties, "DiffuseColor", [0.8, 0.8, 0.8]).map((value) => value * factor)), 255], image: null };
+  const color = image ? [factor, factor, factor] : vectorIn(properties, "DiffuseColor", [0.8, 0.8, 0.8]).map((value) => value * factor);
+  // Renderers' own materials, and further textures, are left to the service.
+  const isKnown = ![...stated.keys()].some((name) => name.includes("|")) && !connected.some(({ property }) => property && property !== "DiffuseColor" && !property.startsWith("Bump"));
+  const { opacity, ...surface } = { ...surfaceOf(properties, String(childOf(node, "ShadingModel")?.values[0]), scene.isBlenders), emission };
+  const mode = opacity < 1 ? /** @type {const} */ ("blend") : /** @type {const} */ ("opaque");
+  return { color: [...coded(color), Math.round(255 * opacity)], image, surface: { ...surface, alpha_mode: mode }, isKnown };
+}
+
+/** Blender's exporter writes 0.25 for a reflectance of 4 %. */
+const BLENDERS_PLASTIC = 0.25;
+
+/**
+ * Returns how a material by Lambert or Phong reflects, as renderer/scene/readers/fbx/materials.py does. Blender's exporter stores its own
+ * parameters in Phong's.
+ *
+ * @param {Properties} properties
+ * @param {string} model
+ * @param {boolean} isBlenders
+ */
+function surfaceOf(properties, model, isBlenders) {
+  const at = (/** @type {string} */ name, otherwise = 0) => numberIn(properties, name, otherwise);
+  const through = Math.max(...vectorIn(properties, "TransparentColor").map((value) => value * at("TransparencyFactor", 1)));
+  const opacity = through > 0 && through < 1 ? 1 - through : 1; // some exporters write 0 for opaque
+  if (!model.toLowerCase().startsWith("phong")) return { opacity };
+  if (isBlenders) {
+    const roughness = Math.min(Math.max(1 - Math.sqrt(Math.max(at("Shininess", 25), 0)) / 10, 0), 1);
+    const [metallic, level] = [Math.min(at("ReflectionFactor"), 1), Math.min(at("SpecularFactor", BLENDERS_PLASTIC) / BLENDERS_PLASTIC, 1)];
+    return { roughness, metallic, f0: dielectric(1.5, [1, 1, 1], level), opacity: Math.max(1 - at("TransparencyFactor"), 0) || 1 };
+  }
+  const specular = vectorIn(properties, "SpecularColor").map((value) => Math.min(value * at("SpecularFactor", 1), 1));
+  return { ...(Math.max(...specular) > 0 && { roughness: phongRoughness(at("ShininessExponent", at("Shininess", 20))), f0: dielectric(1.5, specular) }), opacity };
 }
 
 /** @param {Scene} scene @param {string} texture @param {(reference: string) => Promise<Picture | null>} picture @returns {Promise<Picture | null>} */
@@ -342,7 +376,8 @@ function lampsOf(scene) {
     const isFar = numberIn(properties, "LightType", 0) === DIRECTIONAL;
     const world = scene.world(id);
     const at = /** @type {import("./shapes.js").Vec3} */ ((isFar ? [4, 5, 6] : [12, 13, 14]).map((i) => world[i] ?? 0)); // lamps shine along -Y
-    return [{ at, isFar, color: /** @type {import("./shapes.js").Vec3} */ (vectorIn(properties, "Color", [1, 1, 1])) }];
+    const color = /** @type {import("./shapes.js").Vec3} */ (vectorIn(properties, "Color", [1, 1, 1]));
+    return [{ ...OMNI, at, far: isFar, color, isRelative: true }];
   });
 }
 

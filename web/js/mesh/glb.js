@@ -1,8 +1,8 @@
 /**
- * Reads glTF files in the browser as far as a preview needs: triangles with normals, base colours and their textures.
+ * Reads glTF files in the browser as far as a preview needs: triangles with normals, materials and textures.
  *
- * The service's preview mesh (renderer/scene/preview.py), whose colours are per vertex, replaces it if the file has no textures, or
- * has what is not read here, such as poses.
+ * The service's preview mesh (renderer/scene/preview.py), which is finer, replaces it if the file has no textures, or has what is not
+ * read here, such as poses.
  */
 
 import { roomView } from "./room.js";
@@ -10,6 +10,7 @@ import { MOST_TRIANGLES, decimated, frame, joined, orbitView } from "./shapes.js
 import { pictureType } from "./files.js";
 import { IDENTITY, product } from "./matrix.js";
 import { coded, isBelow } from "./model.js";
+import { MATT, NO_TEXTURE, OMNI, Pictures, dielectric } from "./surface.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").View} View */
@@ -20,7 +21,6 @@ import { coded, isBelow } from "./model.js";
 
 const MOST_INSTANCES = 20_000;
 const MOST_DEPTH = 64;
-const BLENDED = 0.5; // alpha below which blended surfaces are left out, since nothing is sorted
 
 const MAGIC = 0x46546c67;
 const JSON_CHUNK = 0x4e4f534a;
@@ -38,7 +38,7 @@ const COMPONENTS = /** @type {Record<number, {array: any, size: number, unit: nu
 });
 const WIDTHS = /** @type {Record<string, number>} */ ({ SCALAR: 1, VEC2: 2, VEC3: 3, VEC4: 4 });
 
-/** A base colour texture: its image, the UV set and transform (a, b, c, d, e, f), and the alpha below which nothing is seen. @typedef {{image: number, set: number, transform: number[], cutoff: number}} Surface */
+/** A texture: its number, its image, and the UV set and transform (a, b, c, d, e, f). @typedef {{number: number, image: number, set: number, transform: number[]}} Surface */
 
 /**
  * @param {Uint8Array<ArrayBuffer>} file
@@ -97,41 +97,107 @@ function meshOf(gltf, bin, beside, most) {
   const shapes = new Map();
   /** @type {Drawn[]} */
   const drawn = [];
-  /** @type {Map<number, Picture>} */
-  const pictures = new Map();
+  const pictures = new Pictures();
+  /** @type {Map<number, Picture | null>} by the numbers of textures */
+  const read = new Map();
   let isTextured = true; // KTX2 and others are read by the service alone
+  /** @param {Surface | null} surface */
+  const numberOf = (surface) => {
+    if (!surface) return NO_TEXTURE;
+    const { number, image } = surface;
+    if (!read.has(number)) {
+      const found = beside.get(image) ?? pictureOf(gltf, bin, image);
+      read.set(number, found && { ...found, sampler: samplerOf(gltf, number) });
+    }
+    return pictures.numberOf(read.get(number));
+  };
   for (const { primitive, matrix } of placed) {
-    const material = gltf.materials?.[primitive.material];
-    const surface = surfaceOf(gltf, material);
-    if (!shapes.has(primitive)) shapes.set(primitive, shapeOf(gltf, bin, primitive, share, surface));
+    const source = gltf.materials?.[primitive.material];
+    const { base, others } = surfacesOf(gltf, source);
+    if (!shapes.has(primitive)) shapes.set(primitive, shapeOf(gltf, bin, primitive, share, base ?? others.find(([, surface]) => surface)?.[1] ?? null));
     const shape = shapes.get(primitive);
     if (!shape) continue;
-    const picture = surface && shape.uvs && (pictures.get(surface.image) ?? beside.get(surface.image) ?? pictureOf(gltf, bin, surface.image));
-    if (picture) pictures.set(surface.image, picture);
-    isTextured &&= (Boolean(picture) || !material?.pbrMetallicRoughness?.baseColorTexture) && !material?.extensions?.KHR_materials_pbrSpecularGlossiness;
-    const image = picture ? [...pictures.keys()].indexOf(surface.image) : -1;
-    drawn.push({ shape, matrix, color: colorOf(material), image, cutoff: picture ? surface.cutoff : 0 });
+    const material = materialOf(source);
+    if (shape.uvs) {
+      material.texture = numberOf(base);
+      for (const [slot, surface] of others) material[slot] = numberOf(surface);
+    }
+    const lacksTexture = material.texture === NO_TEXTURE && source?.pbrMetallicRoughness?.baseColorTexture;
+    isTextured &&= !lacksTexture && !source?.extensions?.KHR_materials_pbrSpecularGlossiness;
+    drawn.push({ shape, matrix, color: colorOf(source), material });
   }
   if (!drawn.length) return null;
-  const isLit = (gltf.extensions?.KHR_lights_punctual?.lights ?? []).some(shines); // in a black world
-  const found = joined(drawn, isLit ? [0, 0, 0] : null);
+  const lamps = lampsOf(gltf);
+  const found = joined(drawn, lamps);
   if (!found) return null;
   const { packet, places } = found;
-  if (isLit) packet.lamps = lampsOf(gltf, packet.low, packet.high);
-  const isWhole = isTextured && drawn.length === all.length && !(gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights) && !gltf.extensions?.KHR_materials_variants;
-  return { packet, view: fileCamera(gltf, packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images: [...pictures.values()] };
+  if (lamps.length) packet.lamps = lamps.map((lamp) => fromMiddle(lamp, packet.low, packet.high));
+  const hasPanes = packet.materials.some(({ transmission, thin }) => transmission > 0 && thin); // the service looks whether they are closed, and so filled
+  const isPosed = (gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights);
+  const isWhole = isTextured && !hasPanes && drawn.length === all.length && !isPosed && !gltf.extensions?.KHR_materials_variants;
+  return { packet, view: fileCamera(gltf, packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images: pictures.all };
 }
 
-/** Returns a material's base colour texture. @param {any} gltf @param {any} material @returns {Surface | null} */
-function surfaceOf(gltf, material) {
-  const info = material?.pbrMetallicRoughness?.baseColorTexture;
+const WRAPS = /** @type {Record<number, import("../news/mesh-packet.js").Wrap>} */ ({ 33071: "clamp", 33648: "mirror" });
+const NEAREST = 9728;
+
+/** @param {any} gltf @param {number} texture @returns {import("../news/mesh-packet.js").Sampler} */
+function samplerOf(gltf, texture) {
+  const { wrapS = 0, wrapT = 0, magFilter } = gltf.samplers?.[gltf.textures[texture].sampler] ?? {};
+  return { wrap_s: WRAPS[wrapS] ?? "repeat", wrap_t: WRAPS[wrapT] ?? "repeat", nearest: magFilter === NEAREST };
+}
+
+/**
+ * Returns a material's base colour texture, and those of its others that have the same UVs.
+ *
+ * @param {any} gltf
+ * @param {any} material
+ * @returns {{base: Surface | null, others: ["metallic_roughness_texture" | "emission_texture", Surface | null][]}}
+ */
+function surfacesOf(gltf, material) {
+  const metallic = material?.pbrMetallicRoughness ?? {};
+  const base = surfaceOf(gltf, metallic.baseColorTexture);
+  const rough = surfaceOf(gltf, metallic.metallicRoughnessTexture);
+  const emission = Math.max(...(material?.emissiveFactor ?? [0])) > 0 ? surfaceOf(gltf, material.emissiveTexture) : null;
+  const first = base ?? rough ?? emission;
+  const isAlike = (/** @type {Surface | null} */ each) => each?.set === first?.set && each?.transform.join() === first?.transform.join();
+  return {
+    base,
+    others: [
+      ["metallic_roughness_texture", isAlike(rough) ? rough : null],
+      ["emission_texture", isAlike(emission) ? emission : null],
+    ],
+  };
+}
+
+/** Returns a material without its textures. @param {any} source @returns {import("../news/mesh-packet.js").MeshMaterial} */
+function materialOf(source) {
+  const { metallicFactor = 1, roughnessFactor = 1 } = source?.pbrMetallicRoughness ?? {};
+  const extension = (/** @type {string} */ name) => source?.extensions?.[`KHR_materials_${name}`] ?? {};
+  const { ior = 1.5 } = extension("ior");
+  const { specularFactor = 1, specularColorFactor } = extension("specular");
+  const { clearcoatFactor = 0, clearcoatRoughnessFactor = 0 } = extension("clearcoat");
+  const { emissiveStrength = 1 } = extension("emissive_strength");
+  const isUnlit = Boolean(source?.extensions?.KHR_materials_unlit);
+  const emission = /** @type {Vec3} */ ((source?.emissiveFactor ?? [0, 0, 0]).map((/** @type {number} */ value) => (isUnlit ? 0 : value * emissiveStrength)));
+  const modes = /** @type {Record<string, "mask" | "blend">} */ ({ MASK: "mask", BLEND: "blend" });
+  return {
+    ...MATT,
+    ...{ metallic: metallicFactor, roughness: roughnessFactor, ior, f0: dielectric(ior, specularColorFactor, specularFactor) },
+    ...{ transmission: extension("transmission").transmissionFactor ?? 0, thin: !((extension("volume").thicknessFactor ?? 0) > 0) },
+    ...{ coat: clearcoatFactor, coat_roughness: clearcoatRoughnessFactor, emission, unlit: isUnlit },
+    ...{ alpha_mode: modes[source?.alphaMode] ?? "opaque", cutoff: source?.alphaCutoff ?? 0.5 },
+  };
+}
+
+/** @param {any} gltf @param {any} info a material's reference to a texture @returns {Surface | null} */
+function surfaceOf(gltf, info) {
   const texture = gltf.textures?.[info?.index];
   const image = texture?.extensions?.EXT_texture_webp?.source ?? texture?.source;
   if (image === undefined) return null;
   const { offset: [u, v] = [0, 0], scale: [x, y] = [1, 1], rotation = 0, texCoord = info.texCoord ?? 0 } = info.extensions?.KHR_texture_transform ?? {};
   const [cos, sin] = [Math.cos(rotation), Math.sin(rotation)];
-  const cutoff = material.alphaMode === "MASK" ? (material.alphaCutoff ?? 0.5) : material.alphaMode === "BLEND" ? BLENDED : 0;
-  return { image, set: texCoord, transform: [x * cos, y * sin, u, -x * sin, y * cos, v], cutoff };
+  return { number: info.index, image, set: texCoord, transform: [x * cos, y * sin, u, -x * sin, y * cos, v] };
 }
 
 /** @param {any} gltf @param {Uint8Array<ArrayBuffer>} bin @param {number} number @returns {Picture | null} null if the image is not in the file */
@@ -267,30 +333,31 @@ function integers(gltf, bin, number) {
   return !found || found instanceof Uint32Array ? found : Uint32Array.from(found);
 }
 
-/** Returns a material's base colour, or what it emits: sRGB, and 255 or 0, unshaded. @param {any} material @returns {number[]} */
+/** Returns a material's base colour in sRGB, and its opacity, from 0 to 255. @param {any} material @returns {number[]} */
 function colorOf(material) {
-  const emitted = /** @type {number[]} */ (material?.emissiveFactor ?? [0, 0, 0]);
-  const isUnshaded = Boolean(material?.extensions?.KHR_materials_unlit) || (Math.max(...emitted) > 0 && !material.emissiveTexture);
-  const base = /** @type {number[]} */ (material?.pbrMetallicRoughness?.baseColorFactor ?? [1, 1, 1, 1]);
-  const linear = Math.max(...emitted) > 0 && !material.emissiveTexture ? emitted : base;
-  return [...coded(linear.slice(0, 3)), isUnshaded ? 0 : 255];
+  const [red, green, blue, opacity] = /** @type {number[]} */ (material?.pbrMetallicRoughness?.baseColorFactor ?? [1, 1, 1, 1]);
+  return [...coded([red ?? 1, green ?? 1, blue ?? 1]), Math.round(255 * (opacity ?? 1))];
 }
 
 /** Whether a light is not black. @param {{color?: number[], intensity?: number}} light */
 const shines = ({ color = [1, 1, 1], intensity = 1 }) => intensity * Math.max(...color) > 0;
 
-/** Returns the file's lamps, spots like points. @param {any} gltf @param {Vec3} low @param {Vec3} high @returns {import("./shapes.js").Lamp[]} */
-function lampsOf(gltf, low, high) {
-  const middle = low.map((value, i) => (value + (high[i] ?? 0)) / 2);
+/** Returns the file's lamps, spots like points, with their intensities in proportion: the service converts their units. @param {any} gltf @returns {import("./shapes.js").Lamp[]} */
+function lampsOf(gltf) {
   return placedNodes(gltf).flatMap(({ node, matrix: m }) => {
-    const light = gltf.extensions.KHR_lights_punctual.lights[node.extensions?.KHR_lights_punctual?.light];
-    if (!light) return [];
+    const light = gltf.extensions?.KHR_lights_punctual?.lights?.[node.extensions?.KHR_lights_punctual?.light];
+    if (!light || !shines(light)) return [];
     const isFar = light.type === "directional";
     const at = /** @type {Vec3} */ ((isFar ? [8, 9, 10] : [12, 13, 14]).map((i) => m[i] ?? 0));
-    const away = isFar ? 1 : Math.hypot(...at.map((value, i) => value - (middle[i] ?? 0))) || 1;
-    const color = /** @type {Vec3} */ ((light.color ?? [1, 1, 1]).map((/** @type {number} */ value) => (value * (light.intensity ?? 1)) / away ** 2));
-    return [{ at, isFar, color }];
+    const { color = [1, 1, 1], intensity = 1 } = light;
+    return [{ ...OMNI, at, far: isFar, color: /** @type {Vec3} */ (color.map((/** @type {number} */ value) => value * intensity)), isRelative: true }];
   });
+}
+
+/** Returns a lamp whose colour is an intensity with the one that it gives the middle of the scene. @param {import("./shapes.js").Lamp} lamp @param {Vec3} low @param {Vec3} high */
+function fromMiddle(lamp, low, high) {
+  const away = lamp.far ? 1 : Math.hypot(...lamp.at.map((value, i) => value - ((low[i] ?? 0) + (high[i] ?? 0)) / 2)) || 1;
+  return { ...lamp, color: /** @type {Vec3} */ (lamp.color.map((value) => value / away ** 2)) };
 }
 
 /** Returns the view through the file's first perspective camera. @param {any} gltf @param {Vec3} low @param {Vec3} high @returns {View | null} */

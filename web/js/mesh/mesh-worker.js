@@ -3,6 +3,7 @@
  * their mesh or null, and then with its textures, one by one.
  */
 
+import { REPEAT } from "./surface.js";
 import { meshOf } from "./upload.js";
 
 /** @typedef {import("./shapes.js").Picture} Picture */
@@ -15,7 +16,7 @@ const [WIDEST, MOST_TEXELS] = [1024, 2 ** 28];
 scope.onmessage = async (/** @type {MessageEvent<import("./upload.js").Upload>} */ { data }) => {
   const found = await meshOf(data);
   const { images, ...mesh } = found ?? { images: [] };
-  scope.postMessage(found && { mesh, textures: images.length });
+  scope.postMessage(found && { mesh, samplers: images.map(({ sampler = REPEAT }) => sampler) });
   const widest = Math.min(WIDEST, Math.sqrt(MOST_TEXELS / images.length));
   for (const picture of images) {
     const image = await decoded(picture, widest);

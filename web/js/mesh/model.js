@@ -3,14 +3,16 @@
 import { MOST_TRIANGLES, decimated, encoded, frame, joined } from "./shapes.js";
 import { roomView } from "./room.js";
 import { smoothed } from "./smooth.js";
+import { MATT, NO_TEXTURE, Pictures } from "./surface.js";
 import { uprightMatrix } from "./up-axis.js";
 
 /** @typedef {import("./shapes.js").LocalMesh} LocalMesh */
 /** @typedef {import("./shapes.js").Picture} Picture */
 /** @typedef {import("./shapes.js").Shape} Shape */
 /** @typedef {import("./shapes.js").Vec3} Vec3 */
+/** @typedef {import("../news/mesh-packet.js").MeshMaterial} MeshMaterial */
 
-/** A shape with its colour (sRGB, and 255 or 0, unshaded) and its image. @typedef {{shape: Shape, color: number[], image: Picture | null, cutoff?: number}} Part */
+/** A shape with its colour (sRGB, and opacity), its image, and what its material has besides. @typedef {{shape: Shape, color: number[], image: Picture | null, surface?: Partial<MeshMaterial>}} Part */
 
 /** sRGB of linear 0.8 (renderer/scene/material.py), and of white. */
 export const GREY = [231, 231, 231, 255];
@@ -24,25 +26,24 @@ export const coded = (linear) => linear.map((value) => Math.round(255 * encoded(
  * @param {"y" | "z" | "-y" | number[]} up the format's conventional up axis, or the matrix by which the file becomes Y up
  * @param {boolean} isWhole whether the service would show the same materials
  * @param {number} [most] triangles, about
- * @param {{background?: Vec3 | null, lamps?: import("./shapes.js").Lamp[], camera?: (low: Vec3, high: Vec3) => import("../base/types.js").View | null}} [own] the file's own world, as in MeshPacket, and camera
+ * @param {{lamps?: import("./shapes.js").Lamp[], camera?: (low: Vec3, high: Vec3) => import("../base/types.js").View | null}} [own] the file's own lamps, which shine in a black world, and camera
  * @returns {LocalMesh | null} null if there are no triangles, or a position or an index is invalid
  */
-export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES, { background = null, lamps, camera } = {}) {
+export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES, { lamps = [], camera } = {}) {
   const shown = parts.filter(({ shape }) => shape.indices.length > 0);
   const total = shown.reduce((sum, { shape }) => sum + shape.indices.length / 3, 0);
   if (!total || !shown.every(({ shape }) => isBelow(shape.indices, shape.positions.length / 3))) return null;
   const matrix = Array.isArray(up) ? up : uprightMatrix(shown.map(({ shape }) => shape), up);
-  const images = [...new Set(shown.flatMap(({ image, shape }) => (image && shape.uvs ? [image] : [])))];
+  const pictures = new Pictures();
   const shapes = smoothed(shown.map(({ shape }) => decimated(shape, Math.min(1, most / total))));
-  const drawn = shown.map(({ color, image, cutoff = 0 }, i) => {
+  const drawn = shown.map(({ color, image, surface }, i) => {
     const shape = /** @type {Shape} */ (shapes[i]);
-    return { shape, matrix, color, image: image && shape.uvs ? images.indexOf(image) : -1, cutoff };
+    return { shape, matrix, color, material: { ...MATT, ...surface, texture: shape.uvs ? pictures.numberOf(image) : NO_TEXTURE } };
   });
-  const found = joined(drawn, background);
+  const found = joined(drawn, lamps);
   if (!found) return null;
   const { packet, places } = found;
-  if (lamps) packet.lamps = lamps;
-  return { packet, view: camera?.(packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images };
+  return { packet, view: camera?.(packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images: pictures.all };
 }
 
 /** Returns whether all indices are below a limit. @param {Uint32Array} indices @param {number} limit */

@@ -2,10 +2,11 @@
 
 import { Scanner, growingFloats, growingIntegers } from "./text.js";
 import { GREY, WHITE, coded, modelOf } from "./model.js";
+import { dielectric, phongRoughness } from "./surface.js";
 
 /** @typedef {import("./shapes.js").Picture} Picture */
 /** @typedef {import("./shapes.js").Shape} Shape */
-/** @typedef {{color: number[], image: Picture | null, isWhole: boolean}} Material isWhole: whether the service would show the same */
+/** isWhole: whether the service would show the same. @typedef {{color: number[], image: Picture | null, surface?: Partial<import("../news/mesh-packet.js").MeshMaterial>, isWhole: boolean}} Material */
 
 /**
  * Access to the files beside an OBJ file.
@@ -249,10 +250,14 @@ async function materialsOf(libraries, beside) {
   return found;
 }
 
-/** Statements that give another colour or picture than this preview has. */
-const FURTHER = ["decal", "map_ke", "map_emissive", "map_d", "map_opacity"];
-/** Illumination models of glass and mirrors. */
-const CLEAR = ["3", "4", "5", "6", "7", "9"];
+/** Textures and surfaces that this preview lacks. */
+const FURTHER = ["decal", "map_ke", "map_emissive", "map_d", "map_opacity", "map_pr", "map_pm", "map_ks"];
+/** Illumination models: of glass, of mirrors, and without highlights. */
+const [GLASS, MIRRORS, MATTE] = [["4", "6", "7", "9"], ["3", "5"], ["0", "1"]];
+/** First line of files written by Blender. */
+const BLENDERS = /^# Blender \d+\.\d+/;
+const [METAL, SMOOTHEST] = ["3", 1000];
+const PHYSICAL = ["pr", "pm", "ps", "pc", "map_pr", "map_pm"];
 const MAP_OPTIONS = /^(?:-(?:mm|o|s|t)(?:\s+[-+.\de]+){1,3}|-\w+\s+\S+)\s+/i;
 
 /** @param {Uint8Array<ArrayBuffer>} file @param {Beside} beside @returns {Promise<Map<string, Material>>} */
@@ -261,7 +266,8 @@ async function readMtl(file, beside) {
   const statements = new Map();
   /** @type {Record<string, string> | undefined} */
   let current;
-  for (const line of new TextDecoder().decode(file).split(/\r\n|\r|\n/)) {
+  const text = new TextDecoder().decode(file);
+  for (const line of text.split(/\r\n|\r|\n/)) {
     const [, keyword = "", value = ""] = /^(\S+)\s*(.*)$/.exec(line.trim()) ?? [];
     if (keyword.toLowerCase() === "newmtl") statements.set(value, (current = statements.get(value) ?? {}));
     else if (current && !keyword.startsWith("#")) current[keyword.toLowerCase()] = value;
@@ -272,13 +278,49 @@ async function readMtl(file, beside) {
     const map = values["map_kd"];
     const image = map ? ((await beside.picture(map)) ?? (await beside.picture(withoutOptions(map)))) : null;
     const base = numbersOf(values["kd"]) ?? [0.8, 0.8, 0.8];
-    const glow = numbersOf(values["ke"]) ?? [0, 0, 0];
-    const isLight = Math.max(...glow) > 0;
-    const color = isLight ? [...coded(glow), 0] : image && (Math.max(...base) === 0 || !values["kd"]) ? WHITE : [...coded(base), 255];
-    const isWhole = !FURTHER.some((keyword) => values[keyword]) && !CLEAR.includes(values["illum"] ?? "") && (!map || image !== null) && !MAP_OPTIONS.test(map ?? "");
-    found.set(withoutComment(name), { color, image: isLight ? null : image, isWhole });
+    const isWhole = !FURTHER.some((keyword) => values[keyword]) && (!map || image !== null) && !MAP_OPTIONS.test(map ?? "");
+    const { color, surface } = surfaceOf(values, image && (Math.max(...base) === 0 || !values["kd"]) ? [1, 1, 1] : base, image !== null, BLENDERS.test(text));
+    found.set(withoutComment(name), { color, image: surface.transmission ? null : image, surface, isWhole: isWhole && !surface.transmission }); // the service looks whether glass is a pane
   }
   return found;
+}
+
+/**
+ * Returns a material's colour and how it reflects, as renderer/scene/readers/mtl.py reads materials.
+ *
+ * @param {Record<string, string>} values of its statements
+ * @param {number[]} base
+ * @param {boolean} hasMap
+ * @param {boolean} isBlenders whether Blender has written it, which stores its own parameters in these
+ * @returns {{color: number[], surface: Partial<import("../news/mesh-packet.js").MeshMaterial>}}
+ */
+function surfaceOf(values, base, hasMap, isBlenders) {
+  const at = (/** @type {string} */ keyword, otherwise = 0) => numbersOf(values[keyword])?.[0] ?? otherwise;
+  const [specular, shininess, index] = [numbersOf(values["ks"]) ?? [0, 0, 0], at("ns"), at("ni", 1.5)];
+  const ior = index > 1 ? Math.min(index, 5) : 1.5;
+  const model = withoutComment(values["illum"] ?? "");
+  const isBlack = Math.max(...base) < 0.05 && !hasMap;
+  const isPhysical = PHYSICAL.some((keyword) => values[keyword]);
+  const emission = /** @type {import("./shapes.js").Vec3} */ (numbersOf(values["ke"]) ?? [0, 0, 0]);
+  const given = Math.min(Math.max(values["d"] === undefined ? 1 - at("tr") : at("d", 1), 0), 1);
+  const opacity = given || 1; // some exporters write 0 for opaque
+  const own = { emission, alpha_mode: opacity < 1 ? /** @type {const} */ ("blend") : /** @type {const} */ ("opaque") };
+  const withOpacity = (/** @type {number[]} */ color) => [...coded(color), Math.round(255 * opacity)];
+  if (isBlenders) {
+    const roughness = values["pr"] ? at("pr") : 1 - Math.sqrt(Math.min(Math.max(shininess, 0), SMOOTHEST) / SMOOTHEST);
+    const metallic = isPhysical ? at("pm") : model === METAL ? (numbersOf(values["ka"]) ?? [1, 1, 1]).reduce((sum, value) => sum + value / 3, 0) : 0;
+    const level = Math.min(2 * Math.max(...(numbersOf(values["ks"]) ?? [0.5])), 1);
+    const transmission = isPhysical ? Math.max(...(numbersOf(values["tf"]) ?? [0])) : 0;
+    return { color: withOpacity(base), surface: { ...own, roughness, metallic, ior, transmission, f0: dielectric(ior, [1, 1, 1], level), coat: at("pc") / 4, coat_roughness: at("pcr") } };
+  }
+  if (!isPhysical && GLASS.includes(model)) return { color: [...coded(numbersOf(values["tf"]) ?? [1, 1, 1]), 255], surface: { emission, transmission: 1, roughness: 0, ior, f0: dielectric(ior) } };
+  if (!isPhysical && isBlack && MIRRORS.includes(model) && Math.max(...specular) > 0) return { color: [...coded(specular), 255], surface: { emission, metallic: 1, roughness: 0 } };
+  const roughness = values["pr"] ? at("pr") : phongRoughness(shininess);
+  if (!isPhysical && isBlack && Math.max(...specular) > 0.3 && shininess > 1) return { color: withOpacity(specular), surface: { ...own, metallic: 1, roughness } };
+  const isGlossy = isPhysical || (Math.max(...specular) > 0 && shininess > 1 && !MATTE.includes(model));
+  if (!isGlossy) return { color: withOpacity(base), surface: own };
+  const level = values["ks"] ? Math.min(2 * Math.max(...specular), 1) : 1; // exporters write 0.5 for a reflectance of 4 %
+  return { color: withOpacity(base), surface: { ...own, roughness, metallic: at("pm"), coat: at("pc"), coat_roughness: at("pcr"), f0: dielectric(ior, [1, 1, 1], level) } };
 }
 
 /** @param {string} map */

@@ -3,6 +3,7 @@
  * frames them. renderer/scene/preview.py and default_camera.py do the same for the service's preview.
  */
 
+import { emittersOf } from "./emitters.js";
 import { cofactors } from "./matrix.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
@@ -18,7 +19,7 @@ import { cofactors } from "./matrix.js";
  * @property {boolean} isWhole false: parts are missing, not posed, or coloured differently by the service
  * @property {Picture[]} images as numbered by the packet's parts
  */
-/** An image file. @typedef {{bytes: Uint8Array<ArrayBuffer>, type: string}} Picture */
+/** An image file. @typedef {{bytes: Uint8Array<ArrayBuffer>, type: string, sampler?: import("../news/mesh-packet.js").Sampler}} Picture */
 /**
  * Triangles in their own space.
  *
@@ -36,9 +37,8 @@ import { cofactors } from "./matrix.js";
  * @typedef {object} Drawn
  * @property {Shape} shape
  * @property {number[]} matrix to world space, column by column
- * @property {number[]} color sRGB, and 255 or 0, unshaded
- * @property {number} image number of its texture; -1: none
- * @property {number} cutoff alpha below which nothing is seen
+ * @property {number[]} color sRGB, and opacity
+ * @property {import("../news/mesh-packet.js").MeshMaterial} material
  */
 
 export const MOST_TRIANGLES = 150_000;
@@ -163,14 +163,22 @@ export function boundsOf(positions) {
 export const encoded = (value) => (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);
 
 /**
- * Joins shapes in world space, those with the same image one after the other.
+ * Joins shapes in world space, those of the same material one after the other.
  *
  * @param {Drawn[]} given
- * @param {Vec3 | null} background of the world, as in MeshPacket
+ * @param {Lamp[]} lamps of the file, which shine in a black world; without any, the studio lights the scene, unless shining surfaces do
  * @returns {{packet: MeshPacket, places: Float64Array} | null} places: of the vertices. null if any is not finite, or if they are too many
  */
-export function joined(given, background) {
-  const drawn = given.toSorted((a, b) => b.image - a.image || b.cutoff - a.cutoff);
+export function joined(given, lamps) {
+  /** @type {Map<string, {material: import("../news/mesh-packet.js").MeshMaterial, drawn: Drawn[]}>} */
+  const byMaterial = new Map();
+  for (const each of given) {
+    const key = JSON.stringify(each.material);
+    const known = byMaterial.get(key);
+    if (known) known.drawn.push(each);
+    else byMaterial.set(key, { material: each.material, drawn: [each] });
+  }
+  const drawn = [...byMaterial.values()].flatMap(({ drawn: same, material }, number) => same.map((each) => ({ ...each, material, number })));
   const vertices = drawn.reduce((sum, { shape }) => sum + shape.positions.length / 3, 0);
   const corners = drawn.reduce((sum, { shape }) => sum + shape.indices.length, 0);
   if (Math.max(vertices, corners) > MOST_CORNERS) return null;
@@ -178,11 +186,11 @@ export function joined(given, background) {
   const normals = new Int8Array(4 * vertices);
   const colors = new Uint8Array(4 * vertices);
   const indices = new Uint32Array(corners);
-  const uvs = drawn.some(({ image }) => image >= 0) ? new Float32Array(2 * vertices) : undefined;
+  const uvs = drawn.some(({ material }) => isTextured(material)) ? new Float32Array(2 * vertices) : undefined;
   /** @type {import("../news/mesh-packet.js").MeshPart[]} */
   const parts = [];
   let [vertex, corner] = [0, 0];
-  for (const { shape, matrix, color, image: texture, cutoff } of drawn) {
+  for (const { shape, matrix, color, material, number } of drawn) {
     const [a = 0, b = 0, c = 0, , d = 0, e = 0, f = 0, , g = 0, h = 0, i = 0, , tx = 0, ty = 0, tz = 0] = matrix;
     const [n0 = 0, n1 = 0, n2 = 0, n3 = 0, n4 = 0, n5 = 0, n6 = 0, n7 = 0, n8 = 0] = cofactors(matrix);
     const first = vertex;
@@ -209,10 +217,10 @@ export function joined(given, background) {
       colors.set(color, 4 * vertex);
       if (painted) for (let axis = 0; axis < 3; axis++) colors[4 * vertex + axis] = product(painted[k + axis] ?? 0, color[axis] ?? 0);
     }
-    if (texture >= 0 && shape.uvs) uvs?.set(shape.uvs, 2 * first);
+    if (isTextured(material) && shape.uvs) uvs?.set(shape.uvs, 2 * first);
     const last = parts.at(-1);
-    if (last?.texture === texture && last.cutoff === cutoff) last.count += shape.indices.length;
-    else parts.push({ texture, cutoff, first: corner, count: shape.indices.length });
+    if (last?.material === number) last.corners += shape.indices.length;
+    else parts.push({ material: number, first: corner, corners: shape.indices.length });
     for (const index of shape.indices) indices[corner++] = first + index;
   }
   const { low, high } = boundsOf(places);
@@ -221,9 +229,16 @@ export function joined(given, background) {
   const scale = low.map((value, axis) => STEPS / ((high[axis] ?? 0) - value || 1));
   for (let k = 0; k < vertices; k++)
     for (let axis = 0; axis < 3; axis++) positions[4 * k + axis] = Math.round(((places[3 * k + axis] ?? 0) - (low[axis] ?? 0)) * (scale[axis] ?? 0));
-  const packet = { vertices, triangles: corners / 3, low, high, background, positions, normals, colors, indices, ...(uvs && { uvs, parts }) };
+  const materials = [...byMaterial.values()].map(({ material }) => material);
+  /** @type {MeshPacket} */
+  const packet = { vertices, triangles: corners / 3, low, high, positions, normals, colors, indices, ...(uvs && { uvs }), parts, materials, textures: [], lamps, environment: null, isStudio: false };
+  if (!lamps.length) packet.lamps = emittersOf(packet, places);
+  packet.isStudio = !packet.lamps.length;
   return { packet, places };
 }
+
+/** @param {import("../news/mesh-packet.js").MeshMaterial} material */
+const isTextured = (material) => Math.max(material.texture, material.metallic_roughness_texture, material.emission_texture) >= 0;
 
 /** Linear values of sRGB's 256. */
 const LINEAR = Float64Array.from({ length: 256 }, (_, code) => (code <= 0.04045 * 255 ? code / 255 / 12.92 : ((code / 255 + 0.055) / 1.055) ** 2.4));

@@ -1,6 +1,6 @@
 /** The REST API, one function per call. Failures are an `ApiError` with the service's message. */
 
-import { decodeMesh } from "./mesh-packet.js";
+import { readMesh } from "./mesh-packet.js";
 import { decodeFilm } from "./tile-packet.js";
 import { fetchWithRetries } from "./busy.js";
 import { inProject } from "../base/project.js";
@@ -236,11 +236,25 @@ export const askWorker = (name, terms) => call("PATCH", `/workers/${encodeURICom
 /** @param {string} name @returns {Promise<string[]>} its last lines */
 export const getWorkerLog = (name) => call("GET", `/workers/${encodeURIComponent(name)}/log`);
 
+/** @returns {Promise<import("../base/types.js").Joining>} */
+export const getJoining = () => call("GET", "/joining");
+
 /** @returns {Promise<Info>} */
 export const getInfo = () => call("GET", "/info");
 
 /** @returns {Promise<Example[]>} */
 export const getExamples = () => call("GET", "/examples");
+
+/** A section of a guide, whose title the guide's first one has. @typedef {{guide: string, heading: string, url: string}} GuideSection */
+
+/** @returns {Promise<GuideSection[]>} */
+export async function getGuides() {
+  const answer = await fetch("docs/guides/search.json");
+  if (!answer.ok) throw errorOf(answer.status, await answer.text());
+  /** @type {{guide: string, title: string, heading: string, anchor: string}[]} */
+  const sections = await answer.json();
+  return sections.map(({ guide, title, heading, anchor }) => ({ guide: title, heading, url: `docs/guides/${guide}${anchor && `#${anchor}`}` }));
+}
 
 /** @param {string} name @returns {Promise<Scene>} the scene that the example became */
 export const openExample = (name) => call("POST", inProject(`/examples/${encodeURIComponent(name)}`));
@@ -312,7 +326,7 @@ export const thumbnailUrl = (scene) => `api/scenes/${scene}/thumbnail.png`;
 
 /**
  * @param {Place} place
- * @param {"png" | "exr" | "jpg" | "avif" | "rgb9e5"} format
+ * @param {"png" | "exr" | "jpg" | "avif" | "jxl" | "rgb9e5"} format
  * @param {Record<string, string | number>} [query] aov, exposure, tonemap, …
  */
 export function imageUrl({ job, frame }, format, query = {}) {
@@ -423,7 +437,7 @@ export async function fetchViewTable(name) {
 export async function fetchMesh(scene) {
   const response = await fetchWithRetries(`api/scenes/${scene}/preview`, {});
   if (!response.ok) throw errorOf(response.status, await response.text());
-  return decodeMesh(await response.arrayBuffer());
+  return readMesh(/** @type {ReadableStream<Uint8Array>} */ (response.body));
 }
 
 /** @param {Response} response */

@@ -52,8 +52,8 @@ export async function readLocally(files, refused, main) {
     };
     worker.onmessage = ({ data }) => {
       if (data?.mesh) {
-        /** @type {Promise<ImageBitmap | null>[]} */
-        const textures = Array.from({ length: data.textures }, () => new Promise((take) => awaited.push(take)));
+        /** @type {import("./mesh-packet.js").MeshTexture[]} */
+        const textures = data.samplers.map((/** @type {import("./mesh-packet.js").Sampler} */ sampler) => ({ sampler, image: new Promise((take) => awaited.push(take)) }));
         resolve({ ...data.mesh, packet: { ...data.mesh.packet, textures } });
       } else if (data) awaited.shift()?.(data.image);
       if (!data || !awaited.length) end();

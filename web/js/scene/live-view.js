@@ -14,12 +14,14 @@ import { Viewport } from "../film/viewport.js";
 import { stops } from "../base/format.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { PLACE_SUN } from "../forms/environment-fields.js";
+import { addPart } from "../shell/layouts.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
 import { clarity, clarityField } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
 import { takeMesh } from "./mesh-relay.js";
 import { people } from "./people.js";
+import { probe } from "./probe.js";
 import { denoiseView } from "./denoise-view.js";
 import { alongSight, lookAt } from "./orbit.js";
 import { examplePictures } from "../news/example-pictures.js";
@@ -43,8 +45,8 @@ import { t, tn } from "../base/words.js";
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("./view-link.js").Picked} Picked */
 
-/** Maximum number of pixels rendered, whatever the screen's size. */
-const MOST_PIXELS = 1 << 20;
+/** Maximum number of pixels rendered, whatever the screen's size; and where graphics cards make drafts. */
+const [MOST_PIXELS, MOST_PIXELS_OF_CARDS] = [1 << 20, 1 << 21];
 const LEAST_SIDE = 16;
 /** Longer sides, in pixels, of a take's picture, and of the one that is shown when the view is opened again. */
 const [TAKE_SIDE, CLEAR_SIDE] = [320, 1280];
@@ -56,6 +58,8 @@ const [CLEAN_SPP, MESH_SPP] = [8, 1];
 const [DENOISED_MS, RELIT_MS, DENOISED_SPP] = [15_000, 2000, 64];
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
 const COVERED_MS = 500;
+/** Samples per pixel from which a black view is explained: with fewer, light of few paths may not have been found. */
+const BLACK_SPP = 4;
 /** Part of the view's width that a denoised picture must have to replace the preview mesh; the number of requests whose cameras are remembered. */
 const [FINE_SHARE, MOST_VIEWS] = [0.75, 256];
 /** Samples per pixel after which a denoised view replaces the preview mesh, which is sharper than fewer denoised ones. */
@@ -262,13 +266,39 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const darkWords = h("span");
   const studio = h("button", { class: "button small", type: "button", onclick: () => (form.light.choose("studio"), expose(0)) }, icon("sun"), t("Studio light"));
   const brighten = h("button", { class: "button small", type: "button", onclick: () => exposeAuto() }, icon("exposure"), t("Auto exposure"));
-  const dark = h("div", { class: "view-dark", role: "status", hidden: true }, darkWords, brighten, studio);
+  const reframe = h("button", { class: "button small", type: "button", hidden: true, onclick: () => turn(framing()) }, icon("camera"), t("Frame the scene"));
+  const dark = h("div", { class: "view-dark", role: "status", hidden: true }, darkWords, reframe, brighten, studio);
+  /** The view of the automatic camera, which is the last one. */
+  const framing = () => scene.cameras.at(-1)?.view ?? form.view();
   /** What chooses the exposure next: the first picture if it looks black, the next pictures of a new light, nothing more, or the user. @type {"first" | "light" | "done" | "user"} */
   let exposedBy = "first";
   /** The light that the exposure is for, without its strength: that is the user's own way to make it brighter. */
   let exposedLight = "";
   /** Brightness of the latest picture that was looked at. */
   let brightness = { white: 0, bright: 0, high: 0, key: 0 };
+  /** Why the picture is exactly black: the camera sees no surface, or no light reaches those it sees; "": it is not, or that is not known yet. @type {"" | "empty" | "unlit"} */
+  let blackness = "";
+  /** Id of the latest black view that was probed. @type {number | null} */
+  let probedView = null;
+  /** Looks for the reason of a picture that is exactly black. @param {number} id of the view */
+  const lookForBlackness = (id) => {
+    if (!film.film.isBlack()) {
+      endProbe();
+    } else if (probedView !== id) {
+      probedView = id;
+      probing.begin(asked, (seesSomething) => {
+        blackness = seesSomething ? "unlit" : "empty";
+        tellDarkness();
+      });
+    }
+  };
+  const endProbe = () => {
+    probing.end();
+    probedView = null;
+    if (!blackness) return;
+    blackness = "";
+    tellDarkness();
+  };
   /** @param {number} id of the picture */
   const lookForDarkness = (id) => {
     brightness = film.film.brightness();
@@ -281,10 +311,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const tellDarkness = () => {
     const black = darkness(brightness);
     const missing = autoExposure(brightness) - exposure.valueAsNumber;
-    dark.hidden = !black && missing < DULL_STOPS;
-    studio.hidden = !black;
-    brighten.hidden = missing <= 0;
-    if (!dark.hidden) setText(darkWords, black ? t("Very dark: brightest {n}", { n: black.brightest.toPrecision(1) }) : t("Dark at this exposure"));
+    dark.hidden = !black && !blackness && missing < DULL_STOPS;
+    studio.hidden = !black && blackness !== "unlit";
+    reframe.hidden = blackness !== "empty";
+    brighten.hidden = missing <= 0 || blackness !== "";
+    if (!dark.hidden) setText(darkWords, darknessWords(blackness, black));
   };
   /** @param {number} stops */
   const setExposure = (stops) => {
@@ -318,6 +349,18 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let lookedAt = -Infinity;
   /** When the view had MESH_SPP samples per pixel; 0: not yet. */
   let sampledAt = 0;
+  /** Maximum number of pixels of the next request. */
+  let mostPixels = MOST_PIXELS;
+  /** Shows a picture or draft that has come. */
+  const sampled = () => {
+    if (!isSampled) {
+      isSampled = true;
+      loadMesh();
+      if (state.textContent === clarity(0, null, false)) say("", false); // the counts come with the next message
+    }
+    if (!canvas.classList.contains("held-back")) uncoverSoon();
+    picture.invalidate();
+  };
   /** Id of the latest view that was clear. @type {number | null} */
   let clearId = null;
   /** Id of the latest view that had MESH_SPP samples per pixel. @type {number | null} */
@@ -329,8 +372,20 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       lights.set(id, askedLight);
       for (const each of [views, lights]) each.delete(id - MOST_VIEWS);
     },
+    draft({ id, draft, exposure: draftExposure }) {
+      if (canvas.width !== draft.width || canvas.height !== draft.height) fit(draft.width, draft.height);
+      picture.layers[0].setAlpha(null);
+      picture.layers[0].setImage(draft, draftExposure);
+      mostPixels = MOST_PIXELS_OF_CARDS;
+      surface.dataset.draft = String(id);
+      setDenoised(false);
+      sampled();
+    },
     picture(next) {
+      if (surface.dataset.draft !== String(next.id)) mostPixels = MOST_PIXELS;
       film.take(next);
+      if (canvas.width !== next.width || canvas.height !== next.height) fit(next.width, next.height); // a draft had another size
+      picture.layers[0].setFilm(film.film);
       picture.layers[0].setCoverage(film.film);
       if (performance.now() - lookedAt > DARKNESS_MS) {
         lookedAt = performance.now();
@@ -339,13 +394,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       if (surface.dataset.view !== String(next.id)) setDenoised(false); // until the state says so
       surface.dataset.view = String(next.id);
       canvas.classList.toggle("outdated", isOutdated());
-      if (!isSampled) {
-        isSampled = true;
-        loadMesh();
-        if (state.textContent === clarity(0, null, false)) say("", false); // the counts come with the next message
-      }
-      if (!canvas.classList.contains("held-back")) uncoverSoon();
-      picture.invalidate();
+      sampled();
     },
     state(next) {
       const { samples, bound, mean, noise, done, slots, message } = next;
@@ -367,17 +416,19 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       else if (denoised) keepNewer(next.id);
       setDenoised(denoised);
       if (isLatest && (done || (denoised && mean >= SHARP_SPP))) clearId = next.id;
+      if (next.id !== null && isLatest && surface.dataset.view === String(next.id) && (done || mean >= BLACK_SPP)) lookForBlackness(next.id);
       if (message) say(saidOf(next, "message"));
-      else if (bound) say(clarity(mean, noise, done, isCovered && (known !== "" || !meshed.hidden) && canvas.classList.contains("held-back"), denoised), done);
+      else if (bound) say(clarity(mean, noise, done, isCovered && canvas.classList.contains("held-back"), denoised), done);
       state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");
     },
     failed: (sentence) => say(sentence),
-    picked: (found) => onPicked?.(found),
+    picked: (found) => (probing.take(found), onPicked?.(found)),
     people: ({ people: found }) => others.take(found),
     takes: () => void saved.load(),
     link: (up) => (up ? (others.renew(), void saved.load()) : say(t("The connection is lost; trying again."))),
     refused: (sentence) => say(sentence),
   });
+  const probing = probe((at) => link.send({ pick: at }));
   const others = people(surface, { view: form.view, send: (message) => link.send(message), turnTo: (view) => turnTo(view) });
   /** @param {string} sentence @param {boolean} [aloud] by a screen reader: its end, and not each sample on the way */
   const say = (sentence, aloud = true) => {
@@ -418,7 +469,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const seen = JSON.stringify({ ...request, view: null, camera: null, width: null, height: null });
     isChanged ||= seen !== (firstShown ??= seen);
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
-    const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
+    const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide, mostPixels);
     const wanted = { ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true };
     const sent = JSON.stringify(wanted);
     if (sent !== lastAsked?.sent) {
@@ -427,7 +478,9 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       asked = { width, height };
       askedView = form.view();
       askedLight = JSON.stringify(request["environment"] ?? null);
-      link.show(wanted);
+      endProbe();
+      const drafts = instead.isOpen ? {} : { draft: exposure.valueAsNumber }; // whose values a stage cannot compare
+      link.show({ ...wanted, ...drafts });
       canvas.classList.toggle("outdated", isOutdated());
     }
     if (isCovered) mesh.setView(form.view());
@@ -533,6 +586,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (on) (instead.isOpen ? tools.buttons.get("light") : surface)?.focus({ preventScroll: true });
   });
   tools.buttons.get("light")?.addEventListener("keydown", (event) => tools.key(event) && event.preventDefault());
+  const endPart = addPart("display", {
+    get: () => look.value,
+    set: (/** @type {{exposure?: number, curve?: string}} */ shown) => {
+      curve.value = [...curve.options].some(({ value }) => value === shown.curve) ? (shown.curve ?? "") : DEFAULT_CURVE;
+      expose(Number(shown.exposure) || 0);
+    },
+  });
   const endKeys = addShortcuts([
     { keys: "N", does: t("Auto exposure"), run: exposeAuto },
     { keys: "L", shown: t("L, arrows"), does: t("Turn the light: hold and drag, or press and use the arrows"), run: lightKey.down },
@@ -604,6 +664,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
   look.subscribe((now) => {
     picture.look = now;
+    mesh.setLook(now);
     setText(shown, `${stops(now.exposure)} EV`);
     exposure.setAttribute("aria-valuetext", `${stops(now.exposure)} EV`);
     picture.invalidate();
@@ -646,11 +707,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       isDisposed = true;
       clearTimeout(uncovering);
       resizing.disconnect();
+      probing.end();
       stage.dispose();
       letGo();
       light.dispose();
       lightKey.dispose();
       endKeys();
+      endPart();
       form.element.removeEventListener(PLACE_SUN, placeSun);
       others.dispose();
       denoise.dispose();
@@ -672,6 +735,13 @@ function showExposure(slider, value) {
   slider.max = String(end);
   slider.value = String(value);
   slider.title = t("Exposure from {low} to {high} EV; double-click for 0", { low: stops(-end), high: stops(end) });
+}
+
+/** @param {"" | "empty" | "unlit"} blackness @param {import("../film/darkness.js").Darkness | null} dark */
+function darknessWords(blackness, dark) {
+  if (blackness === "empty") return t("The camera sees nothing");
+  if (blackness === "unlit") return t("No light reaches what the camera sees");
+  return dark ? t("Very dark: brightest {n}", { n: dark.brightest.toPrecision(1) }) : t("Dark at this exposure");
 }
 
 /** @param {View} view */
@@ -704,7 +774,7 @@ function pictureUrl(picture, canvas, side) {
 }
 
 /**
- * Returns a preview mesh before its background as the URL of a JPEG.
+ * Returns a preview mesh as the URL of a JPEG.
  *
  * @param {import("./mesh-canvas.js").MeshCanvas} mesh
  * @param {HTMLCanvasElement} canvas of the mesh
@@ -714,11 +784,6 @@ function meshPicture(mesh, canvas) {
   const whole = h("canvas", { width, height });
   const brush = whole.getContext("2d");
   if (!brush) return "";
-  const studio = brush.createLinearGradient(0, 0, 0, height); // as css/workspace.css has it
-  studio.addColorStop(0, "#b2b2b2");
-  studio.addColorStop(1, "#acacac");
-  brush.fillStyle = mesh.mesh?.background ? `rgb(${mesh.mesh.background.join(" ")})` : studio;
-  brush.fillRect(0, 0, width, height);
   mesh.draw(); // WebGL keeps its picture only until the next frame
   brush.drawImage(canvas, 0, 0);
   return whole.toDataURL("image/jpeg", 0.92);
@@ -730,10 +795,11 @@ function meshPicture(mesh, canvas) {
  * @param {number} width of the requested picture
  * @param {number} height
  * @param {number} wide the view, in CSS pixels; 0: not known yet
+ * @param {number} mostPixels
  */
-function sizeFor(width, height, wide) {
+function sizeFor(width, height, wide, mostPixels) {
   const most = Math.max(LEAST_SIDE, (wide || 320) * Math.min(devicePixelRatio, 2));
-  const scale = Math.min(most / width, Math.sqrt(MOST_PIXELS / (width * height)));
+  const scale = Math.min(most / width, Math.sqrt(mostPixels / (width * height)));
   return { width: Math.max(1, Math.round(width * scale)), height: Math.max(1, Math.round(height * scale)) };
 }
 

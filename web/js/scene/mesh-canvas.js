@@ -1,139 +1,55 @@
 /** Draws a scene's preview mesh with WebGL: shaded triangles, seen by the camera of the live view. */
 
-import { KEPT_GLSL, KeptPicture, fromMiddle } from "./kept-picture.js";
+import { curveIndex } from "../film/film-shader.js";
+import { DEFAULT_CURVE } from "../film/tonemap.js";
+import { KeptPicture, fromMiddle } from "./kept-picture.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
-import { programOf } from "./mesh-program.js";
+import { studio, unpacked } from "./mesh-environment.js";
+import { lampsOf } from "./mesh-lamps.js";
+import { programOf, uniformsOf } from "./mesh-program.js";
+import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FRAGMENT, PASS, VERTEX } from "./mesh-shader.js";
+import { drawShadow, shadowProgram } from "./mesh-shadow.js";
+import { aroundTexture, fillTexture, tablesOf, whiteTexture } from "./mesh-textures.js";
 
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").View} View */
+/** @typedef {import("../news/mesh-packet.js").MeshMaterial} MeshMaterial */
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
-
-const VERTEX = `#version 300 es
-uniform mat4 toClip;
-uniform vec3 extent;
-in vec3 share;
-in vec3 normal;
-in vec4 color;
-in vec2 uv;
-out vec3 place;
-out vec3 facing;
-out vec4 shown;
-out vec2 texel;
-void main() {
-  texel = uv;
-  place = (share - 0.5) * extent;
-  facing = normal;
-  shown = color;
-  gl_Position = toClip * vec4(place, 1.0);
-}`;
-
-/** Lamps that the mesh is shaded by. */
-const MOST_LAMPS = 4;
-/** Irradiance of all lamps together at the middle of the scene, were none behind its surfaces. */
-const LAMPS_SUM = 1.5;
-
-/**
- * In the studio, its light (renderer/scene/studio.py): walls and two lamps, without shadows. Else the scene's lamps, without shadows or, where
- * they are not known, light from the camera's upper left, and less from all around. Both sides of a surface are lit.
- */
-const FRAGMENT = `#version 300 es
-precision highp float;
-uniform vec3 light;
-uniform vec3 above;
-uniform vec3 eye;
-uniform bool inStudio;
-uniform sampler2D image;
-uniform float cutoff;
-uniform bool hasKept;
-uniform int lampCount;
-uniform vec4 lamps[${MOST_LAMPS}]; // places, with 1, or directions, with 0
-uniform vec3 lampColors[${MOST_LAMPS}]; // their irradiance at the middle
-${KEPT_GLSL}
-in vec2 texel;
-in vec3 place;
-in vec3 facing;
-in vec4 shown;
-out vec4 pixel;
-const float OPEN = 0.9; // how much of the light no other surface keeps away, about
-const vec3 KEY = vec3(-0.560, 0.646, 0.517);
-const vec3 RIM = vec3(0.685, 0.343, -0.642);
-const float AROUND = 0.12; // light that other surfaces reflect, about
-vec3 lampLight(vec3 place, vec3 n) {
-  vec3 sum = vec3(AROUND);
-  for (int i = 0; i < lampCount; i++) {
-    vec3 way = lamps[i].xyz - lamps[i].w * place;
-    float far = dot(lamps[i].xyz, lamps[i].xyz);
-    float near = lamps[i].w > 0.5 ? min(far / max(dot(way, way), 1e-12), 4.0) : 1.0;
-    sum += lampColors[i] * near * max(dot(n, normalize(way)), 0.0);
-  }
-  return sum;
-}
-void main() {
-  vec4 base = texture(image, texel);
-  if (base.a < cutoff) discard;
-  vec3 flatly = normalize(cross(dFdx(place), dFdy(place)));
-  if (dot(flatly, eye - place) < 0.0) flatly = -flatly;
-  vec3 n = dot(facing, facing) > 0.01 ? normalize(facing) : flatly;
-  if (dot(n, flatly) < 0.0) n = -n;
-  vec3 color = shown.rgb * base.rgb;
-  if (shown.a > 0.5 && inStudio) {
-    float walls = mix(0.33, 0.62, 0.5 + 0.5 * dot(n, above));
-    float shade = OPEN * (walls + 0.65 * max(dot(n, KEY), 0.0) + 0.24 * max(dot(n, RIM), 0.0));
-    color = pow(pow(color, vec3(2.2)) * shade, vec3(1.0 / 2.2));
-  } else if (shown.a > 0.5 && lampCount > 0) {
-    color = pow(min(pow(color, vec3(2.2)) * lampLight(place, n), 1.0), vec3(1.0 / 2.2));
-  } else if (shown.a > 0.5) color *= 0.5 + 0.5 * abs(dot(n, light));
-  if (hasKept) {
-    vec4 known = keptAt(place, flatly, 0.0);
-    color = mix(color * keptLight(place), known.rgb, known.a);
-  }
-  pixel = vec4(color, 1.0);
-}`;
-
-/** The shadow on the studio's floor: dark below the scene's bounds, and fading around them. */
-const SHADOW_VERTEX = `#version 300 es
-uniform mat4 toClip;
-uniform vec3 across;
-uniform vec3 along;
-uniform vec3 middle;
-out vec2 at;
-void main() {
-  at = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 3.0 - 1.5;
-  gl_Position = toClip * vec4(middle + at.x * across + at.y * along, 1.0);
-}`;
-const SHADOW_FRAGMENT = `#version 300 es
-precision highp float;
-in vec2 at;
-out vec4 pixel;
-void main() {
-  float away = length(at);
-  pixel = vec4(0.0, 0.0, 0.0, 0.42 * (1.0 - smoothstep(0.3, 1.45, away)));
-}`;
+/** @typedef {import("../news/mesh-packet.js").MeshPart} MeshPart */
 
 const MAX_RATIO = 2;
-
-/** @param {WebGL2RenderingContext} gl */
-function whiteTexture(gl) {
-  const texture = gl.createTexture();
-  gl.bindTexture(gl.TEXTURE_2D, texture);
-  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array([255, 255, 255, 255]));
-  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-  return texture;
-}
+/** How much of the light no other surface keeps away, about. */
+const OPEN = 0.93;
+/** How much darker the floor is below a scene that stands on it. */
+const SHADED = 0.55;
+/** Texture units of the mesh: the projected picture has 1 to 4 (kept-picture.js). */
+const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8 };
+const ALPHA_MODES = { opaque: 0, mask: 1, blend: 2 };
+/** Corners from which a part is shaded at its vertices. */
+const DENSE = 600_000;
+/** Corners of a part that its middle is computed from. */
+const SAMPLED = 64;
+/** Roughness of glass from which what is behind it is blurred. */
+const BLURRED = 0.05;
 
 export class MeshCanvas {
   /** @param {HTMLCanvasElement} canvas as large as its box */
   constructor(canvas) {
     this.canvas = canvas;
-    /** Whether the scene stands on the studio's floor, if it is in the studio. */
-    this.hasFloor = false;
+    /** Whether the scene stands on the studio's floor; "auto": if the studio lights it, and none of its surfaces shines. @type {boolean | "auto"} */
+    this.floor = false;
     /** @type {WebGLProgram | null} */
     this.shadow = null;
-    /** Upward in the scene. @type {import("../base/types.js").Vec3} */
+    /** @type {WebGLProgram | null} */
+    this.backdrop = null;
+    /** Upward in the scene. @type {Vec3} */
     this.above = [0, 1, 0];
     /** @type {MeshPacket | null} */
     this.mesh = null;
     /** @type {View | null} */
     this.view = null;
+    /** Factor of the light, and the number of the tone curve. */
+    this.look = { gain: 1, curve: curveIndex(DEFAULT_CURVE) };
     /** A picture without noise, which is projected onto the mesh. @type {KeptPicture | null} */
     this.kept = null;
     /** What has projected a picture, for the next one: its programs take long to compile. @type {KeptPicture | null} */
@@ -142,15 +58,27 @@ export class MeshCanvas {
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** @type {WebGLProgram | null} */
     this.program = null;
+    /** Shades at the vertices; only for meshes with dense parts. @type {WebGLProgram | null} */
+    this.dense = null;
+    /** Finds the uniforms of a program. @type {Map<WebGLProgram, (name: string) => WebGLUniformLocation | null>} */
+    this.uniforms = new Map();
+    /** Finds those of the program in use. @type {(name: string) => WebGLUniformLocation | null} */
+    this.at = () => null;
     /** By number; the last is white. @type {WebGLTexture[]} */
     this.textures = [];
     /** Vertices and indices of the mesh. @type {WebGLBuffer[]} */
     this.buffers = [];
+    /** The light around, and for which floor it was computed. @type {{texture: WebGLTexture, irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[], hasFloor: boolean, isBlack: boolean} | null} */
+    this.light = null;
+    /** What is drawn before glass. @type {WebGLTexture | null} */
+    this.behind = null;
+    /** Middles of the parts, relative to the mesh's, their sizes, and whether they are shaded at the vertices. @type {{middle: Vec3, size: number, isDense: boolean}[]} */
+    this.places = [];
     this.resizing = new ResizeObserver(() => this.invalidate());
     this.resizing.observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
-      this.projector = this.program = null; // its programs were lost too
+      this.projector = this.light = this.behind = this.program = this.dense = this.shadow = this.backdrop = null; // they were lost too
       if (this.mesh) this.setMesh(this.mesh);
     });
   }
@@ -160,7 +88,8 @@ export class MeshCanvas {
     const { gl } = this;
     if (!gl || this.program || gl.isContextLost()) return;
     this.program = programOf(gl, VERTEX, FRAGMENT);
-    this.shadow = programOf(gl, SHADOW_VERTEX, SHADOW_FRAGMENT);
+    this.shadow = shadowProgram(gl);
+    this.backdrop = programOf(gl, BACKDROP_VERTEX, BACKDROP_FRAGMENT);
   }
 
   /** @param {MeshPacket} mesh */
@@ -171,12 +100,15 @@ export class MeshCanvas {
     this.compile();
     const { program } = this;
     if (!gl || gl.isContextLost() || !program) return; // the picture comes without a preview
-    const { background } = mesh;
-    this.canvas.style.background = background ? `rgb(${background.join(" ")})` : "";
+    this.places = mesh.parts.map((part) => placeOf(mesh, part));
+    if (this.places.some(({ isDense }) => isDense)) this.dense ??= programOf(gl, DENSE_VERTEX, DENSE_FRAGMENT, program);
+    for (const each of [program, this.dense]) if (each && !this.uniforms.has(each)) this.uniforms.set(each, uniformsOf(gl, each));
     gl.useProgram(program);
     gl.enable(gl.DEPTH_TEST);
     for (const each of this.buffers.splice(0)) gl.deleteBuffer(each); // of an earlier mesh
     for (const each of this.textures) gl.deleteTexture(each);
+    if (this.light) gl.deleteTexture(this.light.texture);
+    this.light = null;
     /** @param {number} target @param {any} data */
     const fill = (target, data) => {
       const buffer = gl.createBuffer();
@@ -197,34 +129,42 @@ export class MeshCanvas {
     if (mesh.uvs) attribute("uv", mesh.uvs, 2, gl.FLOAT);
     else gl.disableVertexAttribArray(gl.getAttribLocation(program, "uv"));
     fill(gl.ELEMENT_ARRAY_BUFFER, mesh.indices);
-    this.textures = [...(mesh.textures ?? []), null].map(() => whiteTexture(gl));
-    mesh.textures?.forEach((arriving, number) => void arriving.then((image) => image && this.mesh === mesh && this.setTexture(number, image)));
-    this.invalidate();
-  }
-
-  /** @param {number} number @param {ImageBitmap} image */
-  setTexture(number, image) {
-    const { gl } = this;
-    if (!gl || gl.isContextLost()) return;
-    gl.bindTexture(gl.TEXTURE_2D, this.textures[number] ?? null);
-    gl.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, image);
-    gl.generateMipmap(gl.TEXTURE_2D);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
-    this.canvas.dataset.textures = String(Number(this.canvas.dataset.textures ?? 0) + 1);
+    gl.activeTexture(gl.TEXTURE0);
+    this.textures = [...mesh.textures, null].map(() => whiteTexture(gl));
+    const data = new Set(mesh.materials.map((material) => material.metallic_roughness_texture));
+    mesh.textures.forEach(({ image, sampler }, number) =>
+      void image.then((arrived) => {
+        if (!arrived || this.mesh !== mesh || gl.isContextLost()) return;
+        gl.activeTexture(gl.TEXTURE0);
+        fillTexture(gl, this.textures[number] ?? null, arrived, sampler, data.has(number));
+        this.canvas.dataset.textures = String(Number(this.canvas.dataset.textures ?? 0) + 1);
+        this.invalidate();
+      }),
+    );
     this.invalidate();
   }
 
   /** @param {import("../base/types.js").Scene} scene */
-  setScene({ cameras, has_floor: hasFloor, floor }) {
+  setScene({ cameras, status, has_floor: hasFloor, floor }) {
     this.above = cameras.at(-1)?.view.up ?? this.above; // the automatic camera's
-    this.hasFloor = hasFloor || Boolean(floor);
+    this.floor = status === "ready" ? Boolean(hasFloor) : floor === "on" || (floor === "auto" && "auto");
     this.invalidate();
+  }
+
+  get hasFloor() {
+    if (this.floor !== "auto") return this.floor;
+    return Boolean(this.mesh?.isStudio) && !this.mesh?.materials.some(({ emission }) => Math.max(...emission) > 0);
   }
 
   /** @param {View} view */
   setView(view) {
     this.view = view;
+    this.invalidate();
+  }
+
+  /** @param {{exposure: number, curve: string}} look exposure: in stops */
+  setLook({ exposure, curve }) {
+    this.look = { gain: 2 ** exposure, curve: curveIndex(curve) };
     this.invalidate();
   }
 
@@ -269,77 +209,178 @@ export class MeshCanvas {
     const aspect = width / height;
     const { kept } = this;
     const isSame = kept?.distance(view) === 0;
-    if (kept && !isSame) kept.measure(mesh, (toClip, from) => this.drawMesh(toClip, mesh, from, null));
+    if (kept && !isSame) kept.measure(mesh, (toClip, from) => this.drawMesh(toClip, mesh, from, null, null));
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     kept?.drawBehind(mesh, view, aspect, this.above, this.hasFloor);
     canvas.dataset.drawn = String(mesh.triangles);
     if (isSame) return;
-    const toClip = clipMatrix(view, aspect, mesh.low, mesh.high);
-    this.drawMesh(toClip, mesh, view, kept);
-    if (this.hasFloor && !mesh.background && !kept) this.drawShadow(toClip, mesh);
+    this.drawMesh(clipMatrix(view, aspect, mesh.low, mesh.high), mesh, view, kept, { width, height });
   }
 
   /**
+   * Draws opaque surfaces, what is behind them, glass, and blended surfaces from the farthest on.
+   *
    * @param {Float32Array<ArrayBuffer>} toClip
    * @param {MeshPacket} mesh
    * @param {View} view
    * @param {KeptPicture | null} kept
+   * @param {{width: number, height: number} | null} onPage size of the canvas; null: the mesh is drawn into a texture, without its surroundings
    */
-  drawMesh(toClip, mesh, view, kept) {
+  drawMesh(toClip, mesh, view, kept, onPage) {
     const { gl, program } = this;
     if (!gl || !program) return;
-    gl.useProgram(program);
-    gl.uniform1i(gl.getUniformLocation(program, "hasKept"), kept ? 1 : 0);
-    gl.uniform1i(gl.getUniformLocation(program, "kept"), 1); // units of their own, also while they are empty
-    gl.uniform1i(gl.getUniformLocation(program, "keptDepth"), 2);
-    gl.uniform1i(gl.getUniformLocation(program, "keptShade"), 3);
-    kept?.bind(program, mesh, view);
-    gl.uniformMatrix4fv(gl.getUniformLocation(program, "toClip"), false, toClip);
-    gl.uniform3fv(gl.getUniformLocation(program, "above"), this.above);
-    gl.uniform3fv(gl.getUniformLocation(program, "eye"), fromMiddle(view.eye, mesh.low, mesh.high));
-    gl.uniform1i(gl.getUniformLocation(program, "inStudio"), mesh.background ? 0 : 1);
-    gl.uniform3fv(gl.getUniformLocation(program, "extent"), mesh.high.map((value, i) => value - (mesh.low[i] ?? 0)));
-    const [right, above, back] = cameraAxes(view);
-    const light = [0, 1, 2].map((i) => -0.4 * (right[i] ?? 0) + 0.5 * (above[i] ?? 0) + 0.77 * (back[i] ?? 0));
-    gl.uniform3fv(gl.getUniformLocation(program, "light"), light);
-    const lamps = (mesh.background && mesh.lamps?.toSorted((a, b) => Math.max(...b.color) - Math.max(...a.color)).slice(0, MOST_LAMPS)) || [];
-    gl.uniform1i(gl.getUniformLocation(program, "lampCount"), lamps.length);
-    if (lamps.length) {
-      const total = lamps.reduce((sum, { color }) => sum + Math.max(...color), 0) || 1;
-      const places = lamps.flatMap(({ at, isFar }) => (isFar ? [...at, 0] : [...fromMiddle(at, mesh.low, mesh.high), 1]));
-      gl.uniform4fv(gl.getUniformLocation(program, "lamps"), places);
-      gl.uniform3fv(gl.getUniformLocation(program, "lampColors"), lamps.flatMap(({ color }) => color.map((value) => (LAMPS_SUM * value) / total)));
+    const light = this.prepareLight(mesh);
+    const eye = view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
+    /** @param {WebGLProgram} program @param {number} pass */
+    const use = (program, pass) => {
+      const at = (this.at = /** @type {(name: string) => WebGLUniformLocation | null} */ (this.uniforms.get(program)));
+      gl.useProgram(program);
+      gl.uniform1i(at("pass"), pass);
+      gl.uniform1i(at("hasKept"), kept ? 1 : 0);
+      gl.uniform1i(at("kept"), 1); // units of their own, also while they are empty
+      gl.uniform1i(at("keptDepth"), 2);
+      gl.uniform1i(at("keptShade"), 3);
+      kept?.bind(program, mesh, view);
+      for (const [name, unit] of Object.entries(UNITS)) gl.uniform1i(at(name), unit);
+      bind(gl, UNITS.around, light.texture);
+      gl.uniformMatrix4fv(at("toClip"), false, toClip);
+      gl.uniform3fv(at("extent"), mesh.high.map((value, i) => value - (mesh.low[i] ?? 0)));
+      gl.uniform4fv(at("eye"), eye);
+      gl.uniform1f(at("gain"), this.look.gain);
+      gl.uniform1i(at("curve"), this.look.curve);
+      gl.uniform1f(at("unhidden"), OPEN);
+      gl.uniform3fv(at("above"), this.above);
+      gl.uniform1f(at("shaded"), this.hasFloor ? SHADED : 0);
+      gl.uniform3fv(at("irradiance"), light.irradiance);
+      this.setLamps(light.lamps, mesh);
+    };
+    const parts = mesh.parts.map((part, i) => ({ part, .../** @type {{middle: Vec3, size: number, isDense: boolean}} */ (this.places[i]), material: /** @type {MeshMaterial} */ (mesh.materials[part.material]) }));
+    const glass = parts.filter(({ material }) => material.transmission > 0);
+    const blended = parts.filter(({ material }) => material.transmission === 0 && material.alpha_mode === "blend");
+    const away = (/** @type {Vec3} */ middle) => middle.reduce((sum, value, i) => sum + (eye[3] ? ((eye[i] ?? 0) - value) ** 2 : -(eye[i] ?? 0) * value), 0);
+    const farthestFirst = (/** @type {typeof parts} */ of) => of.toSorted((a, b) => away(b.middle) - away(a.middle));
+    bind(gl, UNITS.behind, this.textures.at(-1) ?? null);
+    const opaque = parts.filter(({ material }) => material.transmission === 0);
+    const canBeDense = this.dense !== null && this.look.curve === curveIndex(DEFAULT_CURVE);
+    for (const dense of [true, false]) {
+      const chosen = opaque.filter(({ isDense, material }) => dense === (isDense && canBeDense && isPlain(material)));
+      if (chosen.length) use((dense && this.dense) || program, PASS.opaque);
+      for (const { part, material } of chosen) this.drawPart(part, material);
     }
-    for (const { first, count, texture, cutoff } of mesh.parts ?? [{ first: 0, count: 3 * mesh.triangles, texture: -1, cutoff: 0 }]) {
-      gl.bindTexture(gl.TEXTURE_2D, this.textures.at(texture) ?? null); // -1 is the last
-      gl.uniform1f(gl.getUniformLocation(program, "cutoff"), cutoff);
-      gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 4 * first);
+    const hasBehind = onPage !== null && glass.length > 0;
+    if (hasBehind) this.copyBehind(onPage, glass.some(({ material }) => material.roughness > BLURRED));
+    if (onPage && !kept) {
+      this.drawBackdrop(view, onPage.width / onPage.height, light);
+      if (this.hasFloor && this.shadow) drawShadow(gl, this.shadow, toClip, mesh, this.above);
     }
+    if (glass.length) {
+      use(program, PASS.glass);
+      gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);
+      if (hasBehind) bind(gl, UNITS.behind, this.behind);
+      for (const { part, material, size } of farthestFirst(glass)) {
+        gl.uniform1f(this.at("depth"), material.thin ? 0 : size);
+        this.drawPart(part, material);
+      }
+    }
+    if (blended.length) {
+      use(program, PASS.blend);
+      gl.enable(gl.BLEND);
+      gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+      gl.depthMask(false);
+      gl.enable(gl.CULL_FACE);
+      for (const { part, material } of farthestFirst(blended))
+        for (const face of [gl.FRONT, gl.BACK]) {
+          gl.cullFace(face); // the far side first
+          this.drawPart(part, material);
+        }
+      gl.disable(gl.CULL_FACE);
+      gl.depthMask(true);
+      gl.disable(gl.BLEND);
+    }
+    gl.activeTexture(gl.TEXTURE0);
   }
 
-  /** @param {Float32Array<ArrayBuffer>} toClip @param {MeshPacket} mesh */
-  drawShadow(toClip, { low, high }) {
-    const { gl, shadow, above } = this;
-    if (!gl || !shadow) return;
-    const sizes = above.map(Math.abs);
-    const axis = sizes.indexOf(Math.max(...sizes));
-    const half = high.map((value, i) => (value - (low[i] ?? 0)) / 2);
-    /** @param {number} i @param {number} value */
-    const onAxis = (i, value) => [0, 1, 2].map((each) => (each === i ? value : 0));
-    const [across, along] = [(axis + 1) % 3, (axis + 2) % 3];
-    gl.useProgram(shadow);
-    gl.uniformMatrix4fv(gl.getUniformLocation(shadow, "toClip"), false, toClip);
-    gl.uniform3fv(gl.getUniformLocation(shadow, "middle"), onAxis(axis, -(half[axis] ?? 0) * Math.sign(above[axis] ?? 1)));
-    gl.uniform3fv(gl.getUniformLocation(shadow, "across"), onAxis(across, half[across] ?? 0));
-    gl.uniform3fv(gl.getUniformLocation(shadow, "along"), onAxis(along, half[along] ?? 0));
-    gl.enable(gl.BLEND);
-    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    gl.depthMask(false);
-    gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
-    gl.depthMask(true);
-    gl.disable(gl.BLEND);
+  /** @param {MeshPart} part @param {MeshMaterial} material */
+  drawPart({ first, corners }, material) {
+    const { gl, at, textures } = this;
+    if (!gl) return;
+    bind(gl, UNITS.roughMetal, textures.at(material.metallic_roughness_texture) ?? null); // -1 is the last
+    bind(gl, UNITS.glow, textures.at(material.emission_texture) ?? null);
+    bind(gl, UNITS.image, textures.at(material.texture) ?? null);
+    gl.uniform1f(at("metallic"), material.metallic);
+    gl.uniform1f(at("roughness"), material.roughness);
+    gl.uniform3fv(at("f0"), material.f0);
+    gl.uniform3fv(at("emission"), material.emission);
+    gl.uniform1f(at("transmission"), material.transmission);
+    gl.uniform1f(at("ior"), material.ior);
+    gl.uniform1i(at("thin"), material.thin ? 1 : 0);
+    gl.uniform1f(at("coat"), material.coat);
+    gl.uniform1f(at("coatRoughness"), material.coat_roughness);
+    gl.uniform1i(at("unlit"), material.unlit ? 1 : 0);
+    gl.uniform1i(at("isWhole"), material.texture < 0 && !this.kept ? 1 : 0);
+    gl.uniform1i(at("alphaMode"), ALPHA_MODES[material.alpha_mode]);
+    gl.uniform1f(at("cutoff"), material.cutoff);
+    gl.drawElements(gl.TRIANGLES, corners, gl.UNSIGNED_INT, 4 * first);
+  }
+
+  /** Computes the light around the mesh, where it has changed. @param {MeshPacket} mesh */
+  prepareLight(mesh) {
+    const gl = /** @type {WebGL2RenderingContext} */ (this.gl);
+    const { hasFloor } = this;
+    if (this.light?.hasFloor === hasFloor) return this.light;
+    const environment = mesh.environment ? unpacked(mesh.environment) : mesh.isStudio ? studio() : null;
+    const { lamps, around } = lampsOf(mesh.lamps, environment === null);
+    const tables = tablesOf(mesh, environment, hasFloor ? this.above : null, around);
+    if (this.light) gl.deleteTexture(this.light.texture);
+    gl.activeTexture(gl.TEXTURE0 + UNITS.around);
+    this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, hasFloor, isBlack: environment === null };
+    return this.light;
+  }
+
+  /** @param {import("../news/mesh-packet.js").Lamp[]} lamps @param {MeshPacket} mesh */
+  setLamps(lamps, { low, high }) {
+    const { gl, at } = this;
+    if (!gl) return;
+    gl.uniform1i(at("lampCount"), lamps.length);
+    if (!lamps.length) return;
+    gl.uniform4fv(at("lamps"), lamps.flatMap((lamp) => (lamp.far ? [...unit(lamp.at), 0] : [...fromMiddle(lamp.at, low, high), 1])));
+    gl.uniform3fv(at("lampColors"), lamps.flatMap(({ color }) => color));
+    gl.uniform3fv(at("lampAxes"), lamps.flatMap(({ axis }) => axis));
+    gl.uniform2fv(at("lampCosines"), lamps.flatMap(({ cosines }) => cosines));
+  }
+
+  /** Copies what is drawn before glass into a texture. @param {{width: number, height: number}} size @param {boolean} isBlurred */
+  copyBehind({ width, height }, isBlurred) {
+    const { gl } = this;
+    if (!gl) return;
+    this.behind ??= gl.createTexture();
+    bind(gl, UNITS.behind, this.behind);
+    gl.copyTexImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 0, 0, width, height, 0);
+    for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, isBlurred ? gl.LINEAR_MIPMAP_LINEAR : gl.LINEAR);
+    if (isBlurred) gl.generateMipmap(gl.TEXTURE_2D);
+  }
+
+  /** @param {View} view @param {number} aspect @param {{texture: WebGLTexture, isBlack: boolean}} light */
+  drawBackdrop(view, aspect, { texture, isBlack }) {
+    const { gl, backdrop } = this;
+    if (!gl || !backdrop) return;
+    const [right, up, back] = cameraAxes(view);
+    const isFlat = view.projection === "orthographic";
+    const half = isFlat ? 0 : Math.tan((Math.min(view.fov, 170) * Math.PI) / 360);
+    const [shiftX, shiftY] = [2 * half * (view.shift_x ?? 0), 2 * half * (view.shift_y ?? 0)];
+    gl.useProgram(backdrop);
+    bind(gl, UNITS.around, texture);
+    const at = (/** @type {string} */ name) => gl.getUniformLocation(backdrop, name);
+    gl.uniform1i(at("around"), UNITS.around);
+    gl.uniform1f(at("gain"), isBlack ? 0 : this.look.gain);
+    gl.uniform1i(at("curve"), this.look.curve);
+    gl.uniform3fv(at("forward"), back.map((value, i) => shiftX * (right[i] ?? 0) + shiftY * (up[i] ?? 0) - value));
+    gl.uniform3fv(at("across"), right.map((value) => half * aspect * value));
+    gl.uniform3fv(at("upward"), up.map((value) => half * value));
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
   dispose() {
@@ -348,4 +389,39 @@ export class MeshCanvas {
     this.release();
     this.gl?.getExtension("WEBGL_lose_context")?.loseContext();
   }
+}
+
+/** @param {WebGL2RenderingContext} gl @param {number} unit @param {WebGLTexture | null} texture */
+function bind(gl, unit, texture) {
+  gl.activeTexture(gl.TEXTURE0 + unit);
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+}
+
+/** Returns whether a material is shaded by its vertices alone. @param {MeshMaterial} material */
+const isPlain = (material) => !material.unlit && material.coat === 0 && material.alpha_mode !== "blend" && Math.max(material.metallic_roughness_texture, material.emission_texture) < 0;
+
+/** @param {Vec3} vector @returns {Vec3} */
+const unit = (vector) => /** @type {Vec3} */ (vector.map((value) => value / (Math.hypot(...vector) || 1)));
+
+/** Returns the middle of some corners of a part, relative to the mesh's, their longest extent, and whether the part has so many triangles, with normals, that it is shaded at its vertices. @param {MeshPacket} mesh @param {MeshPart} part @returns {{middle: Vec3, size: number, isDense: boolean}} */
+function placeOf({ positions, normals, indices, low, high }, { first, corners }) {
+  const step = Math.max(1, Math.floor(corners / SAMPLED));
+  const sum = [0, 0, 0];
+  const least = [65535, 65535, 65535];
+  const most = [0, 0, 0];
+  let sampled = 0;
+  let isDense = corners > DENSE;
+  for (let i = first; i < first + corners; i += step, sampled++) {
+    const vertex = indices[i] ?? 0;
+    isDense &&= normals[4 * vertex] !== 0 || normals[4 * vertex + 1] !== 0 || normals[4 * vertex + 2] !== 0;
+    for (let axis = 0; axis < 3; axis++) {
+      const value = positions[4 * vertex + axis] ?? 0;
+      sum[axis] = (sum[axis] ?? 0) + value;
+      least[axis] = Math.min(least[axis] ?? 0, value);
+      most[axis] = Math.max(most[axis] ?? 0, value);
+    }
+  }
+  const scale = (/** @type {number} */ axis) => ((high[axis] ?? 0) - (low[axis] ?? 0)) / 65535;
+  const middle = /** @type {Vec3} */ (sum.map((value, axis) => (value / sampled - 32767.5) * scale(axis)));
+  return { middle, isDense, size: Math.max(...most.map((value, axis) => (value - (least[axis] ?? 0)) * scale(axis))) };
 }

@@ -96,7 +96,7 @@ export function preparingView(scene) {
   void localMeshOf(scene.id).then((local) => {
     if (!local || isAsked || !isOpen) return;
     const { packet, view: first } = local;
-    mesh.hasFloor ||= packet.background === null; // an upload without lights gets the studio and a floor
+    mesh.floor ||= "auto"; // what an upload without lights gets
     mesh.setMesh(packet);
     doing.textContent = "";
     follow(first, packet.low, packet.high);

@@ -15,7 +15,7 @@ const WAITED_MS = 3000;
 /** Returns a scene's mesh: what this page read, if it shows all that the service's does, or else that one, which is fetched once. @param {string} scene its id @returns {Promise<MeshPacket>} */
 export function meshOf(scene) {
   if (latest?.scene !== scene) {
-    latest = { scene, mesh: Promise.race([localMeshOf(scene), late()]).then((local) => (local?.isWhole ? local.packet : fetched(scene, local?.packet))) };
+    latest = { scene, mesh: Promise.race([localMeshOf(scene), late()]).then((local) => (local?.isWhole ? local.packet : fetchMesh(scene))) };
     latest.mesh.catch(() => (latest = null));
   }
   return latest.mesh;
@@ -23,9 +23,6 @@ export function meshOf(scene) {
 
 /** @returns {Promise<null>} */
 const late = () => new Promise((resolve) => setTimeout(resolve, WAITED_MS, null));
-
-/** Returns the service's mesh, with the lamps that this page has read, which it lacks. @param {string} scene its id @param {MeshPacket | undefined} local @returns {Promise<MeshPacket>} */
-const fetched = async (scene, local) => ({ ...(await fetchMesh(scene)), ...(local?.lamps && { lamps: local.lamps }) });
 
 /** Whether the mesh of a scene has been read here or fetched, or is being. @param {string} scene */
 export const hasMesh = (scene) => latest?.scene === scene || isLocal(scene);

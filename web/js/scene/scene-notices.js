@@ -7,7 +7,8 @@ import { said, saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 import { field } from "../forms/fields.js";
 import { choose } from "../shell/drops.js";
-import { command, emptyState, joinCommand } from "../shell/hints.js";
+import { command, emptyState } from "../shell/hints.js";
+import { linkTo } from "../shell/router.js";
 import { addFiles, showOther } from "../shell/uploads.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -35,7 +36,7 @@ export function blenderNotice() {
     t("This file needs Blender"),
     h("p", null, t("No connected worker has it. Restart the farm with it, or add a machine that has it:")),
     command("python3 farm.py up --blender"),
-    command(`${joinCommand()} --blender`),
+    h("p", null, h("a", { href: linkTo("workers") }, t("Add a machine")), " ", h("code", null, "--blender")),
     h("p", null, t("Or export glTF in Blender, with “Punctual Lights” and “Cameras” ticked, and drop that here.")),
   );
 }

@@ -1,7 +1,8 @@
 /** The WebSocket of a live view: sends views, receives pictures. After a reconnection it requests the latest view again. */
 
 import { LastingSocket } from "../base/lasting-socket.js";
-import { decodeView } from "./view-packet.js";
+import { DRAFT_KIND } from "../base/protocol.js";
+import { decodeDraft, decodeView } from "./view-packet.js";
 import { saidOf } from "../base/said.js";
 import { t } from "../base/words.js";
 
@@ -31,6 +32,7 @@ import { t } from "../base/words.js";
  * @typedef {object} ViewHandlers
  * @property {(id: number) => void} asked the latest view is requested, again after the connection was lost, with this id
  * @property {(picture: import("./view-packet.js").ViewPicture) => void} picture
+ * @property {(draft: import("./view-packet.js").ViewDraft) => void} draft
  * @property {(state: ViewState) => void} state
  * @property {(sentence: string) => void} failed the view is invalid: called with the reason in the page's language
  * @property {(picked: Picked) => void} picked
@@ -83,13 +85,15 @@ export class ViewLink extends LastingSocket {
   /** @override @param {ArrayBuffer} packet */
   onPacket(packet) {
     const { socket } = this;
-    this.shown = Promise.allSettled([decodeView(packet), this.shown]).then(([picture]) => {
+    const isDraft = new Uint8Array(packet)[1] === DRAFT_KIND;
+    this.shown = Promise.allSettled([isDraft ? decodeDraft(packet) : decodeView(packet), this.shown]).then(([picture]) => {
       if (this.socket !== socket) return;
       if (picture.status === "rejected") {
         this.handlers.failed(String(picture.reason.message ?? picture.reason));
         return;
       }
-      this.handlers.picture(picture.value);
+      if ("draft" in picture.value) this.handlers.draft(picture.value);
+      else this.handlers.picture(picture.value);
       this.send({ ack: picture.value.seq });
     });
   }

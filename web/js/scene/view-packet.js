@@ -1,6 +1,6 @@
-/** A view's picture as the service sends it; protocol/pictures.py declares its layout, protocol/coarse.py its coarse tiles. */
+/** A view's pictures and drafts as the service sends them; protocol/pictures.py declares the layouts, protocol/coarse.py the coarse tiles. */
 
-import { ALPHA, EXACT, VIEW_HEAD_BYTES, VIEW_TILE_HEAD_BYTES, decodeViewHead, decodeViewTileHead } from "../base/protocol.js";
+import { ALPHA, DRAFT_HEAD_BYTES, EXACT, VIEW_HEAD_BYTES, VIEW_TILE_HEAD_BYTES, decodeDraftHead, decodeViewHead, decodeViewTileHead } from "../base/protocol.js";
 import { encode } from "../film/rgb9e5.js";
 
 /** Sum of red, green and blue for each brightness code. */
@@ -20,6 +20,28 @@ const BRIGHTNESS = Float64Array.from({ length: 1 << 11 }, (_, code) =>
  * @property {number} height
  * @property {ViewTile[]} tiles that have changed
  */
+
+/**
+ * A view's first picture where graphics cards render it, see `FilmLayer.setImage`.
+ *
+ * @typedef {object} ViewDraft
+ * @property {number} id of the requested view
+ * @property {number} seq what the acknowledgement names
+ * @property {ImageBitmap} draft
+ * @property {number} exposure of the draft, in stops
+ */
+
+/**
+ * Decodes the JPEG outside the main thread.
+ *
+ * @param {ArrayBuffer} buffer
+ * @returns {Promise<ViewDraft>}
+ */
+export async function decodeDraft(buffer) {
+  const { id, seq, exposure } = decodeDraftHead(new DataView(buffer));
+  const jpeg = new Blob([new Uint8Array(buffer, DRAFT_HEAD_BYTES)], { type: "image/jpeg" });
+  return { id, seq, exposure, draft: await createImageBitmap(jpeg, { colorSpaceConversion: "none" }) };
+}
 
 /**
  * @param {ArrayBuffer} buffer

@@ -2,6 +2,8 @@
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { may } from "../news/session.js";
+import { linkTo } from "./router.js";
 import { announce } from "./tray.js";
 import { t } from "../base/words.js";
 
@@ -12,6 +14,7 @@ import { t } from "../base/words.js";
  * @param {string} [label] of the button
  */
 export function command(text, label = t("Copy the command")) {
+  const code = h("code", null, text);
   const button = h(
     "button",
     {
@@ -19,7 +22,7 @@ export function command(text, label = t("Copy the command")) {
       type: "button",
       "aria-label": label,
       onclick: async () => {
-        await navigator.clipboard.writeText(text);
+        await copy(code);
         announce(t("Copied"));
         button.replaceChildren(icon("check"));
         setTimeout(() => button.replaceChildren(icon("copy")), 1500);
@@ -27,36 +30,15 @@ export function command(text, label = t("Copy the command")) {
     },
     icon("copy"),
   );
-  button.hidden = !navigator.clipboard; // only on HTTPS and localhost
-  return h("div", { class: "command" }, h("code", null, text), button);
+  return h("div", { class: "command" }, code, button);
 }
 
-/** The command that adds a worker to this farm. The token is printed where the farm was started. */
-export const joinCommand = () => `RAYFARM_TOKEN=TOKEN python3 farm.py worker --join ${location.origin}`;
-
-/** Whether this page was opened by a loopback address, which other machines cannot use. */
-const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
-
-/** Explains how another machine joins the farm: in its network, or over HTTPS alone. */
-export function addMachineHint() {
-  const [about, how] = isLoopback()
-    ? [t("This farm can only be reached from its own machine. Start it like this, and it prints the command to run on others:"), "python3 farm.py up --host 0.0.0.0"]
-    : [t("Run this there, in a clone of the same version. The farm printed its token when it started."), joinCommand()];
-  const farm = location.protocol === "https:" ? location.origin : "https://farm.example";
-  return [
-    way(t("In the same network"), about ?? "", how ?? ""),
-    way(
-      t("Anywhere, over HTTPS"),
-      t("A machine at home or in another company needs only this page's HTTPS address and a token of its own. Create the token here, copy the file, and start the worker there:"),
-      "python3 farm.py token make NAME --role worker --days 0 > NAME.token",
-      `python3 farm.py worker --join ${farm} --token-file NAME.token`,
-    ),
-  ];
+/** Copies an element's text. @param {HTMLElement} element */
+async function copy(element) {
+  if (navigator.clipboard) return navigator.clipboard.writeText(element.textContent ?? "");
+  getSelection()?.selectAllChildren(element); // plain HTTP, where browsers have no clipboard API; also for copying by hand
+  document.execCommand("copy");
 }
-
-/** @param {string} title @param {string} text @param {string[]} commands */
-const way = (title, text, ...commands) =>
-  h("section", { class: "stack tight", "aria-label": title }, h("h3", null, title), h("p", { class: "quiet" }, text), commands.map((each) => command(each)));
 
 /** A notice shown wherever work waits for a worker. */
 export function noWorkerNotice() {
@@ -68,8 +50,9 @@ export function noWorkerNotice() {
       "div",
       { class: "grow" },
       h("strong", null, t("No worker is connected. ")),
-      t("Jobs wait until there is one. Start one:"),
-      command(joinCommand()),
+      t("Jobs wait until there is one."),
+      " ",
+      may("admin") ? h("a", { href: linkTo("workers") }, t("Add a machine")) : t("An administrator can add one."),
     ),
   );
 }

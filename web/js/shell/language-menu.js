@@ -11,5 +11,5 @@ export function languageMenu() {
     LANGUAGES.map(([name, own]) => h("option", { value: name, lang: name, selected: name === language }, own)),
   );
   menu.addEventListener("change", () => speak(/** @type {import("../base/words.js").Language} */ (menu.value)));
-  return h("label", { class: "icon-button language" }, icon("globe"), menu);
+  return h("label", { class: "icon-button language", title: t("Language") }, icon("globe"), menu);
 }

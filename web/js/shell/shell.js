@@ -57,25 +57,19 @@ export function buildShell(nav) {
       { class: "icon-button find-button", type: "button", "aria-label": t("Find"), title: t("Find (Ctrl+K)"), onclick: () => showPalette(nav) },
       icon("search"),
     ),
-    h(
-      "button",
-      {
-        class: "icon-button help-button",
-        type: "button",
-        "aria-label": t("Help"),
-        title: t("Help (?)"),
-        onclick: showHelp,
-      },
-      "?",
-    ),
     projectMenu(),
-    accountLink(),
-    notifyButton(),
-    languageMenu(),
-    themeButton(),
+    h("button", { class: "icon-button more-button", type: "button", "aria-label": t("More"), title: t("More"), popovertarget: "topbar-more" }, icon("more")),
+    // Part of the bar where it has room, else what that button opens.
+    h(
+      "div",
+      { class: "topbar-more", id: "topbar-more", popover: "auto" },
+      h("button", { class: "icon-button help-button", type: "button", "aria-label": t("Help"), title: t("Help (?)"), onclick: showHelp }, "?"),
+      accountLink(),
+      notifyButton(),
+      languageMenu(),
+      themeButton(),
+    ),
   );
-
-  main.after(h("footer", { class: "page-foot" }, h("button", { class: "text-button", type: "button", onclick: () => showPalette(nav) }, t("Find")), h("button", { class: "text-button", type: "button", onclick: showHelp }, t("Help"))));
 
   /** @param {string} section @param {number} n @param {string} label @param {boolean} [alarm] */
   const setTally = (section, n, label, alarm = false) => {

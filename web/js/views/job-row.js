@@ -9,7 +9,9 @@ import { ago, clock } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { lightWords } from "../base/light-words.js";
 import { linkTo } from "../shell/router.js";
+import { markBlack } from "../base/black-image.js";
 import { offer } from "../news/projects.js";
+import { askedBy } from "../news/session.js";
 import { reached } from "../news/settings-table.js";
 import { firstFrame, framesDone, isShot, shotName } from "../base/shot-words.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
@@ -84,10 +86,10 @@ export function jobRow(job, lead) {
       note.title = next.note ?? "";
       remove.setAttribute("aria-label", t("Delete the picture of {name}", { name: next.name }));
       setFacts(size, next.width && next.height ? sizeLine(next) : []);
-      setFacts(also, [next.width && next.height ? reached(next) : "", next.user ?? ""].filter(Boolean));
+      setFacts(also, [next.width && next.height ? reached(next) : "", askedBy(next)].filter(Boolean));
       setText(samples, next.width && next.height ? reached(next) : "");
-      setText(by, next.user ?? "");
-      by.title = next.user ?? "";
+      setText(by, askedBy(next));
+      by.title = askedBy(next);
       late.hidden = next.late == null || !OPEN.includes(next.state);
       chip.update(next.state);
       bar.update(next.state === "finished" ? 1 : next.progress, next.state);
@@ -102,7 +104,7 @@ export function jobRow(job, lead) {
         picturedState = next.state;
         const url = imageUrl({ job: next.id, frame: firstFrame(next) }, thumbnailFormat(next), { width: 320, visible: "true", v: next.samples });
         showImage(image, url).then(
-          () => box.removeAttribute("title"),
+          () => (box.removeAttribute("title"), markBlack(box, image)),
           ({ message }) => ((image.hidden = true), (box.title = message)),
         );
       }
@@ -127,7 +129,7 @@ function placeWords({ state, priority, deadline }) {
 function progressLine(job) {
   if (job.state === "failed") return saidOf(job, "error");
   if (job.message) return saidOf(job, "message");
-  if (job.state === "finished") return t("in {time}", { time: clock(job.active_s) });
+  if (job.state === "finished") return t("took {time}", { time: clock(job.active_s) });
   const done = isShot(job) && job.shot ? framesDone(job.shot) : `${Math.floor(job.progress * 100)} %`;
   const left = job.state === "running" && timeLeft(job.id);
   return left ? t("{done}, {time} left", { done, time: left }) : done;

@@ -1,13 +1,15 @@
 /** The page of machines: their state, the current work of their slots, and how to add one. */
 
-import { getJobsOf } from "../news/api.js";
+import { getJobsOf, getJoining } from "../news/api.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
 import { adoptJob, jobs, workers } from "../news/farm.js";
 import { compact } from "../base/format.js";
-import { addMachineHint, command, emptyState, joinCommand } from "../shell/hints.js";
+import { command, emptyState } from "../shell/hints.js";
 import { setTitle } from "../shell/router.js";
 import { Disposer } from "../base/store.js";
+import { addMachine } from "./add-machine.js";
 import { machineCard } from "./machine.js";
+import { may } from "../news/session.js";
 import { sharesSection } from "./shares-section.js";
 import { sitesLines } from "./sites-lines.js";
 import { t, tn } from "../base/words.js";
@@ -34,6 +36,16 @@ export function workersView() {
   const summary = h("p", { class: "quiet number summary" });
   const list = h("ul", { class: "machines" });
   const empty = h("div", null);
+  const hereCommand = h("div", null);
+  const adding = h("div", null);
+  if (may("admin"))
+    getJoining().then(
+      (joining) => {
+        fill(hereCommand, command(joining.here));
+        fill(adding, addMachine(joining));
+      },
+      (error) => fill(adding, h("p", { class: "quiet" }, error.message)),
+    );
   const show = keyedList(list, (/** @type {import("../base/types.js").Worker} */ worker) => worker.name, machineCard);
   // Slots show pictures of jobs, which may be older than those loaded.
   life.add(workers.subscribe((all) => all && fetchUnknown(all)));
@@ -61,8 +73,8 @@ export function workersView() {
           emptyState(
             "worker",
             t("No worker is connected"),
-            h("p", null, t("Workers do the rendering. Start one on this machine:")),
-            command(joinCommand()),
+            h("p", null, may("admin") ? t("Workers do the rendering. Start one on the farm's machine:") : t("Workers do the rendering. An administrator can add one.")),
+            hereCommand,
           ),
         );
     }),
@@ -76,7 +88,7 @@ export function workersView() {
     list,
     empty,
     sharesSection(life),
-    h("section", { class: "section for-admin" }, h("header", null, h("h2", null, t("Add a machine"))), h("div", { class: "add-machine" }, addMachineHint())),
+    h("section", { class: "section for-admin" }, h("header", null, h("h2", null, t("Add a machine"))), adding),
   );
   return { element, dispose: () => life.dispose() };
 }

@@ -19,7 +19,7 @@ from renderer.arrays.rows import LAYER_SLOTS
 from renderer.arrays.scene_features import SceneFeatures
 from renderer.bvh.compressed_tree import STACK_DEPTH
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, SHADOW_REACH, Hit, any_hit, camera_root, closest_hit, shadow_root
-from renderer.film import ALPHA_PLANES, CHANNELS
+from renderer.film import ALPHA_PLANES, CHANNELS, COLOR, SAMPLES
 from renderer.jit import device, local_floats, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu import lists
@@ -74,6 +74,7 @@ from renderer.kernel.backends.scalar.first_hit import (
 )
 from renderer.kernel.backends.scalar.light import has_lights
 from renderer.kernel.backends.scalar.tile import add_sample
+from renderer.kernel.draft import draft_word
 from renderer.kernel.light.lights import choose_sampled
 from renderer.kernel.light_groups import forget_groups
 from renderer.kernel.light_paths import add_sample_by_light
@@ -96,6 +97,8 @@ COUNTERS = 4
 LISTS = lists.LISTS + 1
 ACTIVE = int(lists.ACTIVE)
 _BAD, _RAYS = np.uintp(BAD), np.uintp(RAYS)
+_RED, _GREEN, _BLUE = (np.uintp(COLOR.start + channel) for channel in range(3))
+_SAMPLES = np.uintp(SAMPLES)
 _ACTIVE, _MISSED, _HIT, _LIT, _WAITING, _DONE = (
     np.uintp(which) for which in (lists.ACTIVE, lists.MISSED, lists.TRIANGLES, lists.LIT, lists.WAITING, lists.DONE)
 )
@@ -134,6 +137,8 @@ class Wave(NamedTuple):
     branches: Any  # (paths,) int64: of each path, how many branches have not ended
     records: Any  # (samples, columns) u32: of each sample of each pixel, as in Output (renderer/kernel/accumulate.py), or no rows
     second: Any  # whether vertices are scattered into their second branches
+    draft: Any  # (h, w) u32: the tile's draft (renderer/kernel/draft.py), or no rows
+    draft_scale: Any  # 2**(exposure - film_exponent) of the draft, float32
 
 
 @device
@@ -473,6 +478,16 @@ def _add_light_planes(job, path, place, radiance):
     add_sample_by_light(job.film, plane, pixels, pool, rows, counts, radiance, options.scale, add_atomically)
 
 
+@subroutine
+def encode_draft(job, thread):
+    """Writes the draft of the film. Threads: pixels of the tile; after all other kernels, and only for a draft."""
+    film, width = job.film, job.draft.shape[1]
+    if thread < len(job.draft) * width:
+        y, x = np.uintp(thread // width), np.uintp(thread % width)
+        red, green, blue = film[_RED, y, x], film[_GREEN, y, x], film[_BLUE, y, x]
+        job.draft[y, x] = draft_word(red, green, blue, film[_SAMPLES, y, x], job.draft_scale)
+
+
 _KERNELS = (
     free_rows,
     start_paths,
@@ -484,6 +499,7 @@ _KERNELS = (
     choose_lights,
     trace_shadow_rays,
     end_paths,
+    encode_draft,
 )
 _IN_MEDIA = find_camera_media, sample_free_flights, trace_subsurface
 _OF_CAUSTICS = sample_caustics, add_caustics

@@ -6,25 +6,55 @@ import hashlib
 import threading
 import time
 from collections import Counter
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from protocol.contract import TrainPathGuide
+from protocol.contract import TrainPathGuide, WorkerReport
 from renderer.settings import RenderSettings, View
+from service.errors import Unavailable
 from service.events import BlobsReleased, Events
 from service.http.redaction import RESOURCE_FIELDS
 from service.scheduling.artifacts import artifact_task
 from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.artifact_task import ArtifactTask
 from service.scheduling.artifacts.path_guides import PathGuides
+from service.scheduling.fleet.workers import WorkerSnapshot
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, guide_of
 
 
 def sha256_of(job: str, frame: int) -> str:
     return hashlib.sha256(guide_of(job, frame)).hexdigest()
+
+
+def report(name: str, has_cards: bool = False) -> WorkerReport:
+    """Returns the report of a worker; one with cards is beside a worker with cores."""
+    return WorkerReport(
+        *(name, "host", 1, 1, "CPU", "kind", "ready", 0.0),
+        trains_guides=True,
+        views=not has_cards,
+        has_card_queue=has_cards,
+    )
+
+
+def snapshot(*reports: WorkerReport) -> WorkerSnapshot:
+    return WorkerSnapshot({each.name: each for each in reports})
+
+
+def guides_of(workers: Any, events: Events) -> tuple[PathGuides, list[TrainPathGuide]]:
+    """Returns (the requests for guides of a farm with these workers, the list of those that are sent)."""
+    sent: list[TrainPathGuide] = []
+    dispatcher: Any = SimpleNamespace(send_path_guide=lambda work, queue: sent.append(work))
+    blobs: Any = SimpleNamespace(size=lambda sha256: 100)
+    return PathGuides(dispatcher, workers, blobs, events), sent
+
+
+def request(frame: int) -> TrainPathGuide:
+    settings = RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0)), guiding="auto")
+    return TrainPathGuide("", "job", frame, "kind", "c" * 64, settings)
 
 
 def test_guide_is_trained_once_and_slots_do_other_work_meanwhile(service: Service, worker: PeerWorker) -> None:
@@ -154,17 +184,10 @@ def test_restarted_service_has_guides_trained_again(service: Service, worker: Pe
 
 def test_equal_guides_are_deleted_with_the_last_of_their_frames() -> None:
     """Such as those of two jobs with the same settings, or of all frames whose paths follow no guide."""
-    report = SimpleNamespace(kind="kind", trains_guides=True)
-    roster = SimpleNamespace(ready_reports=lambda: [report], reports={})
-    sent: list[TrainPathGuide] = []
-    dispatcher: Any = SimpleNamespace(send_path_guide=lambda work, queue: sent.append(work))
-    workers: Any = SimpleNamespace(roster=roster)
-    blobs: Any = SimpleNamespace(size=lambda sha256: 100)
     events, released = Events(), list[BlobsReleased]()
     events.subscribe(BlobsReleased, released.append)
-    guides = PathGuides(dispatcher, workers, blobs, events)
-    settings = RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0)), guiding="auto")
-    futures = [guides.request(TrainPathGuide("", "job", frame, "kind", "c" * 64, settings)) for frame in (0, 1)]
+    guides, sent = guides_of(SimpleNamespace(roster=snapshot(report("cores"))), events)
+    futures = [guides.request(request(frame)) for frame in (0, 1)]
     guides.dispatch_work()
     for work, future in zip(sent, futures, strict=True):
         guides.handle_answer(work.work, ArtifactResult("a" * 64))
@@ -175,6 +198,40 @@ def test_equal_guides_are_deleted_with_the_last_of_their_frames() -> None:
     guides.release("job", 1)
     guides._aside.shutdown()
     assert released == [BlobsReleased(Counter(["a" * 64]))]
+    events.close()
+
+
+def test_slots_with_cards_train_their_guides_if_no_core_reads_requests() -> None:
+    cores, cards = report("attic"), report("attic-gpu", has_cards=True)
+    workers, events = SimpleNamespace(roster=snapshot(cards)), Events()
+    guides, sent = guides_of(workers, events)
+    with pytest.raises(Unavailable, match="No ready worker can train path guides"):
+        guides.request(request(0))
+    workers.roster = snapshot(cores, cards)
+    begun, waiting = guides.request(request(0)), guides.request(request(1))
+    guides.dispatch_work()
+    doing = [{"path_guide": "job", "frame": 0}]
+    for state in (cores, replace(cores, current=doing), replace(cores, current=doing, state="paused")):
+        assert not waiting.done()
+        workers.roster = snapshot(state, cards)
+        guides.release_lost()
+    with pytest.raises(Unavailable):
+        waiting.result(0)
+    guides.handle_answer(sent[0].work, ArtifactResult("a" * 64))
+    assert begun.result(10).sha256 == "a" * 64, "the paused worker ends what it has begun"
+    guides.close()
+    events.close()
+
+
+def test_restarting_workers_keep_their_requests() -> None:
+    workers, events = SimpleNamespace(roster=snapshot(report("attic"))), Events()
+    guides, _ = guides_of(workers, events)
+    waiting = guides.request(request(0))
+    guides.dispatch_work()
+    workers.roster = snapshot()
+    guides.release_lost()
+    assert not waiting.done()
+    guides.close()
     events.close()
 
 

@@ -1,0 +1,114 @@
+"""Tests of the drafts of a view's session."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from protocol.pictures import DRAFT, VIEW
+from renderer.film import SAMPLES, plane_count
+from renderer.settings import RenderSettings, View
+from service.viewing import session as view_session
+from service.viewing.passes import DraftSize, Piece
+from service.viewing.session import ViewSession
+
+SETTINGS = RenderSettings(96, 64, View((0.0, 0.0, 4.0), (0.0, 0.0, 0.0)))
+WHOLE = DraftSize(96, 64, 4)
+CPU_S = 1e-6
+
+
+def show(session: ViewSession, id: int, draft: DraftSize = WHOLE, denoises: bool = False, **settings: Any) -> None:
+    """Begins to render view `id`."""
+    own = replace(SETTINGS, **settings)
+    request: Any = SimpleNamespace(id=id, settings=own, samples=32, noise=None, has_alpha=True, draft_exposure=0.0)
+    session.switch_to(request, id)
+    session.begin_rendering(own, "c", "k", CPU_S, 1, denoises, draft=draft)
+
+
+def drafted(session: ViewSession) -> ViewSession:
+    session.put_draft(b"JPEG")
+    return session
+
+
+@pytest.fixture
+def session() -> ViewSession:
+    return ViewSession(lambda: None)
+
+
+def add_samples(session: ViewSession, first: int, count: int) -> None:
+    """Adds samples of all tiles."""
+    assert session.passes is not None
+    for number, tile in enumerate(session.passes.levels[-1].tiles):
+        sums = np.zeros((plane_count(0), tile.h, tile.w), np.int64)
+        sums[SAMPLES] = count
+        session.add(Piece(len(session.passes.levels) - 1, number, first, count), sums)
+
+
+def test_draft_is_sent_once_and_a_newer_one_replaces_it(session: ViewSession) -> None:
+    show(session, 1)
+    assert not session.is_picture_due() and not session.has_picture
+    drafted(session)
+    assert session.is_picture_due() and session.has_picture
+    show(session, 2)
+    packet = session.take_packet(5)
+    assert packet is not None
+    assert DRAFT.unpack(packet)[:2] == (1, 5), "the draft of the previous view, which was not sent yet"
+    drafted(session)
+    show(session, 3)
+    packet = drafted(session).take_packet(6)
+    assert packet is not None
+    assert (DRAFT.unpack(packet).id, packet[DRAFT.size :]) == (3, b"JPEG")
+    assert session.take_packet(7) is None
+
+
+def test_pieces_wait_until_the_view_rests(session: ViewSession, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr(view_session.time, "monotonic", lambda: now[0])
+    show(session, 1)
+    assert session.piece_wait_s == np.inf
+    drafted(session)
+    assert 0 < session.piece_wait_s <= view_session.DRAFT_REST_S + 1e-9
+    now[0] += view_session.DRAFT_REST_S + 1e-9
+    assert session.piece_wait_s <= 0
+
+
+def test_later_pictures_have_no_fewer_samples_than_the_draft(session: ViewSession) -> None:
+    show(session, 1)
+    drafted(session).take_packet(1)
+    assert (session.samples, session.mean_samples) == (4, 4)
+    assert session.passes is not None and len(session.passes.levels) == 1, "without a small picture"
+    for first, count in ((0, 1), (1, 1), (2, 1)):
+        add_samples(session, first, count)
+        assert session.take_packet(2) is None
+    add_samples(session, 3, 1)
+    packet = session.take_packet(2)
+    assert packet is not None
+    assert (VIEW.unpack(packet).id, VIEW.unpack(packet).tiles) == (1, len(session.passes.levels[0].tiles))
+
+
+def test_first_picture_follows_a_draft_of_reduced_size_at_once(session: ViewSession) -> None:
+    show(session, 1, DraftSize(48, 32, 1))
+    drafted(session).take_packet(1)
+    assert session.samples == 0
+    add_samples(session, 0, 1)
+    assert session.take_packet(2) is not None
+
+
+@pytest.mark.parametrize("about", ({"denoises": True}, {"background": "transparent"}))
+def test_denoised_and_transparent_views_have_no_draft(session: ViewSession, about: dict[str, Any]) -> None:
+    show(session, 1, **about)
+    assert session.draft_size is None and session.piece_wait_s <= 0
+
+
+def test_view_whose_draft_is_lost_is_rendered_without(session: ViewSession) -> None:
+    show(session, 1)
+    session.stop_drafts()
+    assert session.settings is None, "the scheduler begins the view again"
+    session.begin_rendering(SETTINGS, "c", "k", CPU_S, 1, draft=WHOLE)
+    assert session.draft_size is None
+    show(session, 2)
+    assert session.draft_size is not None

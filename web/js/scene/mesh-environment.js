@@ -1,0 +1,184 @@
+/** The light around a preview mesh: blurred more from level to level for rough reflections, and as irradiance for diffuse surfaces. */
+
+import { decode } from "../film/rgb9e5.js";
+
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
+/** Equirectangular radiance, three values a texel, rows from the top. @typedef {{width: number, height: number, texels: Float32Array}} Environment */
+
+/** Rows of the first level, which is not blurred, and the number of levels; the last one is of roughness 1. */
+const HEIGHT = 64;
+export const LEVELS = 5;
+/** Of a lobe's kernel, below which it is left out. */
+const NEGLIGIBLE = 0.002;
+const COEFFICIENTS = 9; // of spherical harmonics
+
+/** The studio's lamps (renderer/scene/studio.py): towards the light, its radiance, and the cosine lobe's exponent. */
+const LAMPS = /** @type {[Vec3, number, number][]} */ ([
+  [[-0.65, 0.75, 0.6], 4.2, 12],
+  [[0.8, 0.4, -0.75], 3, 24],
+]);
+const [GROUND, HORIZON, ZENITH] = [0.2, 0.5, 0.65];
+
+/** @param {Vec3} a @param {Vec3} b */
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+/** Returns the direction of a texel's middle. @param {number} row @param {number} column @param {number} height of a table twice as wide @returns {Vec3} */
+function directionOf(row, column, height) {
+  const [theta, phi] = [((row + 0.5) * Math.PI) / height, ((column + 0.5) * Math.PI) / height - Math.PI];
+  return [Math.sin(theta) * Math.sin(phi), Math.cos(theta), -Math.sin(theta) * Math.cos(phi)];
+}
+
+/** Unpacks a packet's environment. @param {import("../news/mesh-packet.js").Environment} packed @returns {Environment} */
+export const unpacked = ({ width, height, words }) => ({ width, height, texels: Float32Array.from([...words].flatMap((word) => decode(word))) });
+
+/** Returns the radiance of the light that scenes without lights are given, as renderer/scene/studio.py does. @returns {Environment} */
+export function studio() {
+  const texels = new Float32Array(6 * HEIGHT * HEIGHT);
+  const lamps = LAMPS.map(([at, radiance, exponent]) => ({ at: /** @type {Vec3} */ (at.map((value) => value / Math.hypot(...at))), radiance, exponent }));
+  for (let row = 0; row < HEIGHT; row++)
+    for (let column = 0; column < 2 * HEIGHT; column++) {
+      const way = directionOf(row, column, HEIGHT);
+      const wall = way[1] > 0 ? HORIZON + (ZENITH - HORIZON) * way[1] : GROUND + (HORIZON - GROUND) * Math.exp(4 * way[1]);
+      const value = lamps.reduce((sum, { at, radiance, exponent }) => sum + radiance * Math.max(dot(way, at), 0) ** exponent, wall);
+      texels.fill(value, 3 * (2 * HEIGHT * row + column), 3 * (2 * HEIGHT * row + column) + 3);
+    }
+  return { width: 2 * HEIGHT, height: HEIGHT, texels };
+}
+
+/**
+ * What the shader reads.
+ *
+ * @typedef {object} LightTables
+ * @property {{width: number, height: number, texels: Float32Array}[]} levels RGBA, each half as large as the one before
+ * @property {Float32Array} irradiance divided by pi, as nine coefficients of spherical harmonics, three values each
+ */
+
+/**
+ * @param {Environment | null} environment null: black
+ * @param {Vec3 | null} above up in the scene, if it stands on a floor that hides what is below
+ * @param {Vec3} around radiance that is added everywhere
+ * @returns {LightTables}
+ */
+export function lightTables(environment, above, around) {
+  const whole = new Float32Array(6 * HEIGHT * HEIGHT);
+  for (let row = 0; row < HEIGHT; row++)
+    for (let column = 0; column < 2 * HEIGHT; column++)
+      for (let k = 0; k < 3; k++) {
+        const { width = 1, height = 1, texels = undefined } = environment ?? {};
+        const at = width * Math.floor((row * height) / HEIGHT) + Math.floor((column * width) / (2 * HEIGHT));
+        whole[3 * (2 * HEIGHT * row + column) + k] = (texels?.[3 * at + k] ?? 0) + (around[k] ?? 0);
+      }
+  if (above) layFloor(whole, above);
+  let source = halved(whole, HEIGHT);
+  const levels = [whole, source]; // a texel of the second is as wide as its lobe
+  for (let level = 2; level <= LEVELS; level++) {
+    const height = HEIGHT >> level;
+    levels.push(blurred(source, 2 * height, height, level / LEVELS));
+    source = halved(source, 2 * height);
+  }
+  return { levels: levels.map((texels, i) => ({ width: 2 * (HEIGHT >> i), height: HEIGHT >> i, texels: withAlpha(texels) })), irradiance: harmonicsOf(halved(halved(whole, HEIGHT), HEIGHT / 2), HEIGHT / 4) };
+}
+
+/** Replaces what is below the horizon by the studio's floor, whose albedo makes it as bright as the horizon in the studio. @param {Float32Array} texels @param {Vec3} above */
+function layFloor(texels, above) {
+  const irradiance = upwardIrradiance(texels, above);
+  const usual = upwardIrradiance(studio().texels, [0, 1, 0])[0] ?? 1;
+  for (let row = 0; row < HEIGHT; row++)
+    for (let column = 0; column < 2 * HEIGHT; column++)
+      if (dot(directionOf(row, column, HEIGHT), above) < 0)
+        for (let k = 0; k < 3; k++) texels[3 * (2 * HEIGHT * row + column) + k] = ((irradiance[k] ?? 0) * HORIZON) / usual;
+}
+
+/** Returns the irradiance of a horizontal surface divided by pi. @param {Float32Array} texels @param {Vec3} above */
+function upwardIrradiance(texels, above) {
+  const sum = [0, 0, 0];
+  let total = 0;
+  for (let row = 0; row < HEIGHT; row++)
+    for (let column = 0; column < 2 * HEIGHT; column++) {
+      const weight = Math.max(dot(directionOf(row, column, HEIGHT), above), 0) * Math.sin(((row + 0.5) * Math.PI) / HEIGHT);
+      total += weight;
+      for (let k = 0; k < 3; k++) sum[k] = (sum[k] ?? 0) + weight * (texels[3 * (2 * HEIGHT * row + column) + k] ?? 0);
+    }
+  return sum.map((value) => value / total);
+}
+
+/** Returns a table of half the size. @param {Float32Array} texels three values each @param {number} width of the result */
+function halved(texels, width) {
+  const found = new Float32Array((3 * width * width) / 2);
+  for (let row = 0; row < width / 2; row++)
+    for (let column = 0; column < width; column++)
+      for (let k = 0; k < 3; k++) {
+        const at = 3 * (4 * width * row + 2 * column) + k;
+        const below = at + 6 * width;
+        found[3 * (width * row + column) + k] = ((texels[at] ?? 0) + (texels[at + 3] ?? 0) + (texels[below] ?? 0) + (texels[below + 3] ?? 0)) / 4;
+      }
+  return found;
+}
+
+/**
+ * Returns radiance as a rough surface reflects it that is seen from its normal's direction. Source: Karis 2013, "Real shading in
+ * Unreal Engine 4", the split sum.
+ *
+ * @param {Float32Array} source a table of twice the size
+ * @param {number} width of the result
+ * @param {number} height
+ * @param {number} roughness
+ */
+function blurred(source, width, height, roughness) {
+  const alpha2 = roughness ** 4;
+  /** By the cosine of the angle between the light and the mirror direction. @param {number} cosine */
+  const kernel = (cosine) => {
+    const d = 1 - (0.5 * (1 + cosine)) * (1 - alpha2); // the half vector's squared cosine is (1 + cosine) / 2
+    return cosine > 0 ? cosine * (alpha2 / d) ** 2 : 0;
+  };
+  let least = 0;
+  while (least < 1 && kernel(least) < NEGLIGIBLE * kernel(1)) least += 0.002;
+  const count = 4 * width * height;
+  const ways = new Float32Array(4 * count);
+  for (let i = 0; i < count; i++) {
+    const row = Math.floor(i / (2 * width));
+    ways.set(directionOf(row, i % (2 * width), 2 * height), 4 * i);
+    ways[4 * i + 3] = Math.sin(((row + 0.5) * Math.PI) / (2 * height));
+  }
+  const found = new Float32Array(3 * width * height);
+  for (let i = 0; i < width * height; i++) {
+    const [x, y, z] = directionOf(Math.floor(i / width), i % width, height);
+    let [red, green, blue, total] = [0, 0, 0, 1e-9];
+    for (let k = 0; k < count; k++) {
+      const cosine = x * (ways[4 * k] ?? 0) + y * (ways[4 * k + 1] ?? 0) + z * (ways[4 * k + 2] ?? 0);
+      if (cosine < least) continue;
+      const weight = kernel(cosine) * (ways[4 * k + 3] ?? 0);
+      total += weight;
+      red += weight * (source[3 * k] ?? 0);
+      green += weight * (source[3 * k + 1] ?? 0);
+      blue += weight * (source[3 * k + 2] ?? 0);
+    }
+    found.set([red / total, green / total, blue / total], 3 * i);
+  }
+  return found;
+}
+
+/** @param {Float32Array} texels three values each */
+function withAlpha(texels) {
+  const found = new Float32Array((4 * texels.length) / 3);
+  for (let i = 0; i < texels.length / 3; i++) found.set([texels[3 * i] ?? 0, texels[3 * i + 1] ?? 0, texels[3 * i + 2] ?? 0, 1], 4 * i);
+  return found;
+}
+
+/** Returns the first nine spherical harmonics at a direction. @param {Vec3} way */
+const harmonics = ([x, y, z]) => [0.282095, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z, 0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y)];
+/** Of the cosine lobe, divided by pi, by the band. */
+const LOBE = [1, 2 / 3, 2 / 3, 2 / 3, 1 / 4, 1 / 4, 1 / 4, 1 / 4, 1 / 4];
+
+/** Returns irradiance by spherical harmonics. Source: Ramamoorthi and Hanrahan 2001. @param {Float32Array} texels @param {number} height */
+function harmonicsOf(texels, height) {
+  const found = new Float32Array(3 * COEFFICIENTS);
+  for (let row = 0; row < height; row++) {
+    const area = ((Math.PI / height) ** 2) * Math.sin(((row + 0.5) * Math.PI) / height);
+    for (let column = 0; column < 2 * height; column++)
+      harmonics(directionOf(row, column, height)).forEach((value, i) => {
+        for (let k = 0; k < 3; k++) found[3 * i + k] = (found[3 * i + k] ?? 0) + area * value * (LOBE[i] ?? 0) * (texels[3 * (2 * height * row + column) + k] ?? 0);
+      });
+  }
+  return found;
+}

@@ -1,0 +1,31 @@
+/** The lamps by which a preview mesh is shaded: the strongest ones, and what all others and reflections between surfaces add. */
+
+import { MOST_LAMPS } from "./mesh-shader.js";
+
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
+/** @typedef {import("../news/mesh-packet.js").Lamp} Lamp */
+
+/** Radiance of a white surface that all lamps together light, where a file states no unit, or they are far too weak or strong. */
+const USUAL = 1.5;
+const [WEAKEST, STRONGEST] = [0.05, 20];
+/** Part of their light that other surfaces reflect, about, and that all others than the strongest give from all around. */
+const [BETWEEN, SCATTERED] = [0.15, 0.5];
+
+/**
+ * @param {Lamp[]} lamps
+ * @param {boolean} isAlone whether nothing else lights the scene
+ * @returns {{lamps: Lamp[], around: Vec3}} around: radiance from all directions
+ */
+export function lampsOf(lamps, isAlone) {
+  const bright = (/** @type {Lamp} */ { color }) => Math.max(...color);
+  const total = lamps.reduce((sum, lamp) => sum + bright(lamp), 0);
+  const isOutside = isAlone && (total < WEAKEST || total > STRONGEST);
+  const scale = total && (isOutside || lamps.some(({ isRelative }) => isRelative)) ? USUAL / total : 1;
+  const sorted = lamps.toSorted((a, b) => bright(b) - bright(a)).map((lamp) => ({ ...lamp, color: scaled(lamp.color, scale) }));
+  const sum = (/** @type {Lamp[]} */ of) => of.reduce((all, { color }) => /** @type {Vec3} */ (all.map((value, i) => value + (color[i] ?? 0))), /** @type {Vec3} */ ([0, 0, 0]));
+  const [between, others] = [scaled(sum(sorted), isAlone ? BETWEEN * Math.min(1, USUAL / (total * scale || 1)) : 0), scaled(sum(sorted.slice(MOST_LAMPS)), SCATTERED)];
+  return { lamps: sorted.slice(0, MOST_LAMPS), around: /** @type {Vec3} */ (between.map((value, i) => value + (others[i] ?? 0))) };
+}
+
+/** @param {Vec3} color @param {number} factor @returns {Vec3} */
+const scaled = (color, factor) => /** @type {Vec3} */ (color.map((value) => value * factor));

@@ -1,0 +1,283 @@
+/** The shader of a preview mesh: metals, dielectrics and glass in the light around them and of lamps, without shadows. */
+
+import { TONEMAP_GLSL } from "../film/tonemap.js";
+import { KEPT_GLSL } from "./kept-picture.js";
+import { LEVELS } from "./mesh-environment.js";
+
+/** Lamps that the mesh is shaded by; what the others give comes from all around. */
+export const MOST_LAMPS = 4;
+
+/** Passes, in the order in which they are drawn. */
+export const PASS = { opaque: 0, glass: 1, blend: 2 };
+
+/** Radiance around the scene, blurred by roughness, and irradiance by the normal. */
+const AROUND_GLSL = `
+uniform sampler2D around;
+uniform vec3 irradiance[9]; // by spherical harmonics, divided by pi
+vec3 reflected(vec3 way, float roughness) {
+  vec2 at = vec2(0.5 + atan(way.x, -way.z) / 6.2831853, acos(clamp(way.y, -1.0, 1.0)) / 3.1415927);
+  return textureLod(around, at, roughness * ${LEVELS}.0).rgb;
+}
+vec3 received(vec3 n) {
+  return max(irradiance[0] * 0.282095
+    + 0.488603 * (irradiance[1] * n.y + irradiance[2] * n.z + irradiance[3] * n.x)
+    + 1.092548 * (irradiance[4] * n.x * n.y + irradiance[5] * n.y * n.z + irradiance[7] * n.x * n.z)
+    + irradiance[6] * 0.315392 * (3.0 * n.z * n.z - 1.0)
+    + irradiance[8] * 0.546274 * (n.x * n.x - n.y * n.y), 0.0);
+}`;
+
+/** How a surface looks in the light around it and of the lamps. */
+const LIGHT_GLSL = `
+uniform vec4 eye; // its place, with 1, or of an orthographic camera the direction to it, with 0
+uniform vec3 extent;
+uniform float unhidden; // how much of the light no other surface keeps away, about
+uniform vec3 above;
+uniform float shaded; // how much darker the floor is below the scene
+uniform int lampCount;
+uniform vec4 lamps[${MOST_LAMPS}]; // places, with 1, or directions, with 0
+uniform vec3 lampColors[${MOST_LAMPS}]; // radiance of a white surface at the middle
+uniform vec3 lampAxes[${MOST_LAMPS}];
+uniform vec2 lampCosines[${MOST_LAMPS}];
+uniform float metallic;
+uniform float roughness;
+uniform vec3 f0;
+${AROUND_GLSL}
+vec3 srgbDecode(vec3 c) {
+  return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), greaterThan(c, vec3(0.04045)));
+}
+// Specular albedo of a rough surface in even light. Source: Karis 2014, "Physically based shading on mobile".
+vec2 environmentBrdf(float nv, float rough) {
+  vec4 r = rough * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
+  float a = min(r.x * r.x, exp2(-9.28 * nv)) * r.x + r.y;
+  return vec2(-1.04, 1.04) * a + r.zw;
+}
+// Light of the lamps: diffuse, and what a rough surface reflects of it (GGX, Walter et al. 2007).
+void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 again, inout vec3 diffuse, inout vec3 glossy) {
+  float alpha2 = max(rough * rough, 0.01);
+  alpha2 *= alpha2;
+  for (int i = 0; i < lampCount; i++) {
+    vec3 way = lamps[i].xyz - lamps[i].w * place;
+    float far = dot(lamps[i].xyz, lamps[i].xyz);
+    float near = lamps[i].w > 0.5 ? min(far / max(dot(way, way), 1e-12), 6.0) : 1.0;
+    vec3 l = normalize(way);
+    float cone = clamp((-dot(l, lampAxes[i]) - lampCosines[i].x) / (lampCosines[i].y - lampCosines[i].x), 0.0, 1.0);
+    float nl = max(dot(n, l), 0.0);
+    vec3 light = lampColors[i] * near * cone * nl;
+    diffuse += light;
+    vec3 h = normalize(l + v);
+    float nh = max(dot(n, h), 0.0);
+    float nv = max(dot(n, v), 1e-3);
+    float d = nh * nh * (alpha2 - 1.0) + 1.0;
+    float visibility = 0.5 / mix(2.0 * nl * nv, nl + nv, sqrt(alpha2) + 1e-3);
+    vec3 fresnel = reflectance + (min(25.0 * reflectance, 1.0) - reflectance) * pow(1.0 - max(dot(l, h), 0.0), 5.0);
+    glossy += light * again * fresnel * alpha2 / (d * d) * visibility; // times pi, and over it
+  }
+}
+// diffuse: irradiance by pi. glossy: radiance. passed: part of the light that the surface does not reflect at once.
+void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, out vec3 diffuse, out vec3 glossy, out float passed) {
+  float nv = clamp(dot(n, v), 1e-3, 1.0);
+  vec3 reflectance = mix(f0, color, metal);
+  vec2 brdf = environmentBrdf(nv, rough);
+  vec3 mirror = reflect(-v, n);
+  // Light scattered several times between microfacets. Source: Turquin 2019, "Practical multiple scattering compensation".
+  vec3 again = 1.0 + reflectance * (1.0 / max(brdf.x + brdf.y, 0.05) - 1.0);
+  vec3 albedo = again * (reflectance * brdf.x + min(25.0 * reflectance, 1.0) * brdf.y);
+  // Near the floor it is in the scene's own shadow.
+  float low = clamp(0.5 + dot(place, above) / max(dot(abs(above), extent), 1e-12), 0.0, 1.0);
+  float floored = 1.0 - shaded * (1.0 - smoothstep(0.0, 0.7, low)) * smoothstep(0.2, -0.8, dot(n, above));
+  float mirrored = 1.0 - 0.8 * shaded * (1.0 - smoothstep(0.0, 1.0, low)) * smoothstep(0.1, -0.7, dot(mirror, above));
+  diffuse = received(n) * unhidden * floored;
+  glossy = max(albedo.r, max(albedo.g, albedo.b)) > 0.0 ? reflected(mirror, rough) * albedo * mirrored * mix(1.0, unhidden, rough) : vec3(0.0);
+  addLamps(place, n, v, rough, reflectance, again, diffuse, glossy);
+  passed = (1.0 - metal) * (1.0 - max(albedo.r, max(albedo.g, albedo.b)));
+}`;
+
+const ATTRIBUTES = `
+uniform mat4 toClip;
+in vec3 share;
+in vec3 normal;
+in vec4 color;
+in vec2 uv;
+out vec3 place;
+out vec4 shown;
+out vec2 texel;`;
+const PLACE = `
+  texel = uv;
+  place = (share - 0.5) * extent;
+  shown = color;
+  gl_Position = toClip * vec4(place, 1.0);`;
+export const VERTEX = `#version 300 es
+uniform vec3 extent;
+${ATTRIBUTES}
+out vec3 facing;
+void main() {
+  ${PLACE}
+  facing = normal;
+}`;
+
+/**
+ * For triangles about as small as pixels: shaded at the vertices, since their pixels, with those around them that the hardware shades too,
+ * are several times as many. The tone curve is the default one.
+ */
+export const DENSE_VERTEX = `#version 300 es
+precision highp float;
+precision highp sampler2D;
+uniform float gain;
+uniform vec3 emission;
+uniform bool isWhole; // no texture and no picture is to be added
+${LIGHT_GLSL}
+${TONEMAP_GLSL}
+${ATTRIBUTES}
+out vec3 lit;
+out vec3 shine;
+void main() {
+  ${PLACE}
+  vec3 v = normalize(eye.xyz - eye.w * place);
+  vec3 n = normalize(normal);
+  if (dot(n, v) < 0.0) n = -n;
+  vec3 base = srgbDecode(color.rgb);
+  float passed;
+  shade(place, n, v, base, roughness, metallic, lit, shine, passed);
+  lit *= passed * base;
+  if (isWhole) lit = srgbEncode(neutral((lit + shine + emission) * gain));
+}`;
+
+/** What both fragment shaders write. */
+const WRITE_GLSL = `
+uniform float gain; // 2^exposure
+uniform int curve;
+uniform int pass;
+uniform bool hasKept;
+uniform sampler2D image;
+uniform vec3 emission;
+uniform bool unlit;
+uniform int alphaMode; // 0: opaque, 1: mask, 2: blend
+uniform float cutoff;
+${TONEMAP_GLSL}
+in vec2 texel;
+in vec3 place;
+in vec4 shown;
+out vec4 pixel;
+const float SOLID = 0.98; // opacity from which blended surfaces are drawn with the opaque ones
+bool isHidden(float opacity) {
+  return (alphaMode == 1 && opacity < cutoff) || (alphaMode == 2 && (pass == ${PASS.blend}) == (opacity >= SOLID));
+}
+vec3 faceNormal(vec3 v) {
+  vec3 n = normalize(cross(dFdx(place), dFdy(place)));
+  return dot(n, v) < 0.0 ? -n : n;
+}
+void write(vec3 color, float opacity, vec3 flatly) {
+  if (hasKept) {
+    vec4 known = keptAt(place, flatly, 0.0);
+    color = mix(color * keptLight(place), known.rgb, known.a);
+  }
+  pixel = pass == ${PASS.blend} ? vec4(color, 1.0) * opacity : vec4(color, 1.0);
+}`;
+
+export const DENSE_FRAGMENT = `#version 300 es
+precision highp float;
+uniform vec4 eye;
+uniform float metallic;
+uniform bool isWhole;
+${KEPT_GLSL}
+${WRITE_GLSL}
+in vec3 lit;
+in vec3 shine;
+void main() {
+  if (isWhole) {
+    pixel = vec4(lit, 1.0);
+    return;
+  }
+  vec4 base = texture(image, texel);
+  if (alphaMode != 0 && isHidden(shown.a * base.a)) discard;
+  vec3 color = lit * base.rgb + shine * mix(vec3(1.0), base.rgb, metallic) + emission;
+  write(srgbEncode(neutral(color * gain)), 1.0, hasKept ? faceNormal(normalize(eye.xyz - eye.w * place)) : vec3(0.0));
+}`;
+
+export const FRAGMENT = `#version 300 es
+precision highp float;
+uniform mat4 toClip;
+uniform sampler2D roughMetal;
+uniform sampler2D glow;
+uniform sampler2D behind; // what is drawn before glass, multiplied by its alpha
+uniform bool hasBehind;
+uniform float transmission;
+uniform float ior;
+uniform bool thin;
+uniform float depth; // how far behind glass is what is seen through it
+uniform float coat;
+uniform float coatRoughness;
+${LIGHT_GLSL}
+${KEPT_GLSL}
+${WRITE_GLSL}
+in vec3 facing;
+// Inverts what the default curve does to values that it does not compress.
+vec3 undisplayed(vec3 c) {
+  c = srgbDecode(c);
+  float least = min(c.r, min(c.g, c.b));
+  return (c + (least < 0.04 ? sqrt(least / 6.25) - least : 0.04)) / gain;
+}
+vec3 transmitted(vec3 n, vec3 v, float rough) {
+  vec3 way = -v;
+  if (!thin) { // through a ball: in and out again
+    vec3 inside = refract(-v, n, 1.0 / ior);
+    vec3 end = n - 2.0 * dot(n, inside) * inside;
+    way = refract(inside, -end, ior);
+    if (dot(way, way) < 0.5) way = inside;
+  }
+  vec3 light = reflected(way, rough);
+  if (!hasBehind) return light;
+  vec4 at = toClip * vec4(place + depth * way, 1.0);
+  vec2 uv = 0.5 + 0.5 * at.xy / at.w;
+  if (at.w <= 0.0 || uv != clamp(uv, 0.0, 1.0)) return light;
+  vec4 known = textureLod(behind, uv, 7.0 * rough);
+  return known.a > 0.01 ? mix(light, undisplayed(known.rgb / known.a), known.a) : light;
+}
+void main() {
+  vec4 base = texture(image, texel);
+  base = vec4(srgbDecode(shown.rgb) * base.rgb, shown.a * base.a);
+  if (alphaMode != 0 && isHidden(base.a)) discard;
+  vec3 v = normalize(eye.xyz - eye.w * place);
+  vec3 flatly = faceNormal(v);
+  vec3 n = dot(facing, facing) > 0.01 ? normalize(facing) : flatly;
+  if (dot(n, flatly) < 0.0) n = -n;
+  vec3 packed = texture(roughMetal, texel).rgb;
+  float rough = clamp(roughness * packed.g, 0.0, 1.0);
+  float metal = clamp(metallic * packed.b, 0.0, 1.0);
+  vec3 color = base.rgb;
+  if (!unlit) {
+    vec3 diffuse, glossy;
+    float passed;
+    shade(place, n, v, base.rgb, rough, metal, diffuse, glossy, passed);
+    vec3 body = base.rgb * diffuse;
+    if (transmission > 0.0) body = mix(body, base.rgb * transmitted(n, v, rough), transmission);
+    color = passed * body + glossy;
+    if (coat > 0.0) {
+      float weight = coat * (0.04 + 0.96 * pow(1.0 - clamp(dot(n, v), 0.0, 1.0), 5.0));
+      color = mix(color, reflected(reflect(-v, n), coatRoughness), weight);
+    }
+  }
+  write(displayed((color + emission * texture(glow, texel).rgb) * gain, curve), base.a, flatly);
+}`;
+
+/** What is behind the mesh: the light around the scene, as seen by the camera. */
+export const BACKDROP_VERTEX = `#version 300 es
+out vec2 at;
+void main() {
+  at = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
+  gl_Position = vec4(at, 0.9999999, 1.0);
+}`;
+export const BACKDROP_FRAGMENT = `#version 300 es
+precision highp float;
+uniform vec3 forward;
+uniform vec3 across;
+uniform vec3 upward;
+uniform float gain;
+uniform int curve;
+${AROUND_GLSL}
+${TONEMAP_GLSL}
+in vec2 at;
+out vec4 pixel;
+void main() {
+  pixel = vec4(displayed(reflected(normalize(forward + at.x * across + at.y * upward), 0.0) * gain, curve), 1.0);
+}`;

@@ -1,0 +1,74 @@
+/** The textures of a preview mesh on the graphics card: those of materials as their images arrive, and the light around. */
+
+import { lightTables } from "./mesh-environment.js";
+
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
+/** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
+/** @typedef {import("../news/mesh-packet.js").Wrap} Wrap */
+
+const MOST_ANISOTROPY = 4;
+
+/** @param {WebGL2RenderingContext} gl @returns {WebGLTexture} one white texel, bound to the active unit */
+export function whiteTexture(gl) {
+  const texture = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array([255, 255, 255, 255]));
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+  return texture;
+}
+
+/**
+ * Fills a texture of a mesh.
+ *
+ * @param {WebGL2RenderingContext} gl
+ * @param {WebGLTexture | null} texture
+ * @param {ImageBitmap} image
+ * @param {import("../news/mesh-packet.js").Sampler} sampler
+ * @param {boolean} isData whether its values are no colours
+ */
+export function fillTexture(gl, texture, image, { wrap_s: wrapS, wrap_t: wrapT, nearest }, isData) {
+  const wraps = /** @type {Record<Wrap, number>} */ ({ repeat: gl.REPEAT, mirror: gl.MIRRORED_REPEAT, clamp: gl.CLAMP_TO_EDGE });
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  gl.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
+  gl.texImage2D(gl.TEXTURE_2D, 0, isData ? gl.RGBA8 : gl.SRGB8_ALPHA8, gl.RGBA, gl.UNSIGNED_BYTE, image);
+  gl.generateMipmap(gl.TEXTURE_2D);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, nearest ? gl.NEAREST : gl.LINEAR);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, wraps[wrapS]);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, wraps[wrapT]);
+  const anisotropic = gl.getExtension("EXT_texture_filter_anisotropic");
+  if (anisotropic) gl.texParameterf(gl.TEXTURE_2D, anisotropic.TEXTURE_MAX_ANISOTROPY_EXT, Math.min(MOST_ANISOTROPY, gl.getParameter(anisotropic.MAX_TEXTURE_MAX_ANISOTROPY_EXT)));
+}
+
+/**
+ * Makes the texture of the light around a mesh, blurred from level to level.
+ *
+ * @param {WebGL2RenderingContext} gl
+ * @param {import("./mesh-environment.js").LightTables} tables
+ * @returns {WebGLTexture}
+ */
+export function aroundTexture(gl, { levels }) {
+  const texture = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  levels.forEach(({ width, height, texels }, level) => gl.texImage2D(gl.TEXTURE_2D, level, gl.RGBA16F, width, height, 0, gl.RGBA, gl.FLOAT, texels));
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAX_LEVEL, levels.length - 1);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.REPEAT);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+  return texture;
+}
+
+/** The tables of the mesh whose light was computed last: several canvases draw it. @type {{mesh: MeshPacket, key: string, tables: import("./mesh-environment.js").LightTables} | null} */
+let latest = null;
+
+/**
+ * @param {MeshPacket} mesh
+ * @param {import("./mesh-environment.js").Environment | null} environment
+ * @param {Vec3 | null} floor up in the scene, if it stands on a floor
+ * @param {Vec3} around radiance that is added everywhere
+ */
+export function tablesOf(mesh, environment, floor, around) {
+  const key = JSON.stringify([floor, around]);
+  if (latest?.mesh !== mesh || latest.key !== key) latest = { mesh, key, tables: lightTables(environment, floor, around) };
+  return latest.tables;
+}
