@@ -31,8 +31,8 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
     """Compiles a scene into the folder `out`, and returns its summary. Raises RayfarmError.
 
     The summary also has the name of the compiled scene's manifest in `out`, and the kernel variant that renders the scene.
-    link: connection to the slot, which receives the progress and a preview. Reading and the preview take no kernels; then the
-    slot's function COMPILE is called.
+    link: connection to the slot, which receives the progress and a preview. Reading and the preview need none of the kernels
+    that take long to compile; before those are needed, the slot's function COMPILE is called.
     """
 
     def progress(step: str, fraction: float) -> None:
