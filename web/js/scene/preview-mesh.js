@@ -15,8 +15,9 @@ const WAITED_MS = 3000;
 /** Returns a scene's mesh: what this page read, if it shows all that the service's does, or else that one, which is fetched once. @param {string} scene its id @returns {Promise<MeshPacket>} */
 export function meshOf(scene) {
   if (latest?.scene !== scene) {
-    latest = { scene, mesh: Promise.race([localMeshOf(scene), late()]).then((local) => (local?.isWhole ? local.packet : fetchMesh(scene))) };
-    latest.mesh.catch(() => (latest = null));
+    const asked = { scene, mesh: Promise.race([localMeshOf(scene), late()]).then((local) => (local?.isWhole ? local.packet : fetchMesh(scene))) };
+    asked.mesh.catch(() => latest === asked && (latest = null)); // it may fail while another scene is open
+    latest = asked;
   }
   return latest.mesh;
 }
