@@ -97,12 +97,22 @@ def repeated_glb() -> bytes:
     return with_json(gltf)
 
 
+def endless_glb() -> bytes:
+    """Returns a GLB whose material emits more than any number."""
+    gltf = json.loads(glb()[20 : 20 + struct.unpack_from("<I", glb(), 12)[0]])
+    gltf["accessors"][0]["count"] = 3
+    gltf["materials"] = [{"emissiveFactor": [1e300, 0, 0], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 1e300}}}]
+    gltf["meshes"][0]["primitives"][0]["material"] = 0
+    return with_json(gltf)
+
+
 def lying() -> Iterator[Any]:
     yield pytest.param({"a.ply": ply("element nothing 1e300\nelement vertex 3")}, id="PLY, an endless element without properties")
     yield pytest.param({"a.ply": ply("element vertex 4000000000")}, id="PLY, more vertices than bytes")
     yield pytest.param({"a.fbx": overlapping_fbx()}, id="FBX, nodes larger than the one around them")
     yield pytest.param({"a.glb": glb(byteStride=1e-8)}, id="GLB, a stride of almost nothing")
     yield pytest.param({"a.glb": glb(byteStride=-1)}, id="GLB, a negative stride")
+    yield pytest.param({"a.glb": endless_glb()}, id="GLB, an infinite emission")
 
 
 @pytest.mark.parametrize("files", list(lying()))
@@ -148,3 +158,19 @@ def test_large_files_are_read_in_linear_time(own: Node, make: str, triangles: in
 
 def test_instances_are_bounded(own: Node) -> None:
     assert triangles_of(own, {"a.glb": repeated_glb()}) == 20_000
+
+
+READ_PARTS = """
+    const names = Array.from({ length: a.count }, (_, i) => i);
+    const materials = names.map((i) => `newmtl m${i}\\nKe ${i} 0 0\\n`).join("");
+    const object = "mtllib a.mtl\\nv 0 0 0\\nv 1 0 0\\nv 0 1 0\\n" + names.map((i) => `usemtl m${i}\\nf 1 2 3\\n`).join("");
+    const files = [["a.obj", object], ["a.mtl", materials]].map(([path, data]) => ({ path, file: new Blob([data]) }));
+    const { packet, isWhole } = await m.meshOf({ files, formats: a.formats });
+    return { triangles: packet.triangles, parts: packet.parts.length, isWhole };"""
+
+
+def test_parts_that_each_take_a_draw_call_are_bounded(own: Node) -> None:
+    found = own.call("mesh/upload", READ_PARTS, {"count": 5_000, "formats": list(SCENE_SUFFIXES)})
+    assert found["triangles"] == 5_000
+    assert found["parts"] <= 1_001
+    assert not found["isWhole"], "the service's mesh replaces it"

@@ -130,11 +130,11 @@ function meshOf(gltf, bin, beside, most) {
   const lamps = lampsOf(gltf);
   const found = joined(drawn, lamps);
   if (!found) return null;
-  const { packet, places } = found;
+  const { packet, places, hasAllMaterials } = found;
   if (lamps.length) packet.lamps = lamps.map((lamp) => fromMiddle(lamp, packet.low, packet.high));
   const hasPanes = packet.materials.some(({ transmission, thin }) => transmission > 0 && thin); // the service looks whether they are closed, and so filled
   const isPosed = (gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights);
-  const isWhole = isTextured && !hasPanes && drawn.length === all.length && !isPosed && !gltf.extensions?.KHR_materials_variants;
+  const isWhole = isTextured && hasAllMaterials && !hasPanes && drawn.length === all.length && !isPosed && !gltf.extensions?.KHR_materials_variants;
   return { packet, view: fileCamera(gltf, packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images: pictures.all };
 }
 

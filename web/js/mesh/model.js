@@ -42,8 +42,8 @@ export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES, { lamps = [],
   });
   const found = joined(drawn, lamps);
   if (!found) return null;
-  const { packet, places } = found;
-  return { packet, view: camera?.(packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images: pictures.all };
+  const { packet, places, hasAllMaterials } = found;
+  return { packet, view: camera?.(packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole: isWhole && hasAllMaterials, images: pictures.all };
 }
 
 /** Returns whether all indices are below a limit. @param {Uint32Array} indices @param {number} limit */
