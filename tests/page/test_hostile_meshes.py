@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 import struct
+import zipfile
 from collections.abc import Iterator
 from threading import Timer
 from typing import Any
@@ -158,6 +160,24 @@ def test_large_files_are_read_in_linear_time(own: Node, make: str, triangles: in
 
 def test_instances_are_bounded(own: Node) -> None:
     assert triangles_of(own, {"a.glb": repeated_glb()}) == 20_000
+
+
+def zip_of(files: dict[str, bytes], stated: int | None = None) -> bytes:
+    """Returns a zip; stated: the size in bytes that its directory states for each file."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+        for entry in archive.filelist:
+            entry.file_size = stated or entry.file_size
+    return made.getvalue()
+
+
+@pytest.mark.parametrize(("stated", "triangles"), [(200 << 20, 1), (300 << 20, None)])
+def test_zips_in_a_zip_share_the_limit_of_an_upload(own: Node, stated: int, triangles: int | None) -> None:
+    scene, material = ("mtllib a.mtl\n" + TRIANGLE).encode(), b"newmtl a\n"
+    inner = {"scene.zip": zip_of({"a.obj": scene}, stated), "materials.zip": zip_of({"a.mtl": material}, stated)}
+    assert triangles_of(own, {"a.zip": zip_of(inner)}) == triangles
 
 
 READ_PARTS = """
