@@ -49,6 +49,11 @@ function write(key, value) {
   }
 }
 
+/** @param {any} value from storage @returns {Record<string, any>} */
+function recordFrom(value) {
+  return value !== null && typeof value === "object" && !Array.isArray(value) ? value : {};
+}
+
 /** @param {any} value @returns {Frame} */
 const frameFrom = (value) => ({
   width: Number.isFinite(value?.width) ? Math.min(Math.max(value.width, LEAST), MOST) : null,
@@ -59,7 +64,7 @@ const frameFrom = (value) => ({
 /** @type {Store<Frame>} */
 const frame = new Store(frameFrom(read(FRAME_KEY)));
 /** The saved layouts by name. @type {Record<string, Layout>} */
-let saved = Object(read(LAYOUTS_KEY) ?? {});
+let saved = recordFrom(read(LAYOUTS_KEY));
 
 /** Shows the frame on the page, and keeps it. */
 export function followFrame() {
@@ -115,7 +120,8 @@ export function layoutNow() {
 }
 
 /** Shows a layout on the open page, and on pages that are opened later what this page does not have. @param {Layout} layout */
-export function applyLayout({ frame: framed, folds: open = {}, ...values }) {
+export function applyLayout({ frame: framed, folds: stored, ...values }) {
+  const open = recordFrom(stored);
   frame.set(frameFrom(framed));
   for (const element of folds()) element.open = Boolean(open[element.dataset.fold ?? ""]);
   awaited.set("folds", open);
