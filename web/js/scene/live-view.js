@@ -284,7 +284,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const lookForBlackness = (id) => {
     if (!film.film.isBlack()) {
       endProbe();
-    } else if (probedView !== id) {
+    } else if (probedView !== id && !onPicked) {
       probedView = id;
       probing.begin(asked, (seesSomething) => {
         blackness = seesSomething ? "unlit" : "empty";
@@ -541,6 +541,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       onPicked = null;
       then(found, at);
     };
+    probing.end(); // the service answers only the latest pick
+    probedView = null;
     link.send({ pick: [at.x, at.y] });
   };
   /** @param {PointerEvent} event */
