@@ -346,6 +346,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     surface.dataset.denoised = String(is);
     film.film.isDenoised = is;
   };
+  /** Id of the view whose picture or draft the canvas shows. @type {number | null} */
+  let shownId = null;
   let lookedAt = -Infinity;
   /** When the view had MESH_SPP samples per pixel; 0: not yet. */
   let sampledAt = 0;
@@ -378,6 +380,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       picture.layers[0].setImage(draft, draftExposure);
       mostPixels = MOST_PIXELS_OF_CARDS;
       surface.dataset.draft = String(id);
+      shownId = id;
       setDenoised(false);
       sampled();
     },
@@ -393,12 +396,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       }
       if (surface.dataset.view !== String(next.id)) setDenoised(false); // until the state says so
       surface.dataset.view = String(next.id);
+      shownId = next.id;
       canvas.classList.toggle("outdated", isOutdated());
       sampled();
     },
     state(next) {
       const { samples, bound, mean, noise, done, slots, message } = next;
-      const denoised = next.denoised && surface.dataset.view === String(next.id);
+      const denoised = next.denoised && shownId === next.id; // a draft of a later view may have replaced the picture
       const isLatest = next.id === link.id && !link.pending;
       surface.dataset.samples = String(samples);
       sampledAt = mean < MESH_SPP ? 0 : sampledAt || performance.now(); // another view begins anew
