@@ -103,7 +103,9 @@ def endless_glb() -> bytes:
     """Returns a GLB whose material emits more than any number."""
     gltf = json.loads(glb()[20 : 20 + struct.unpack_from("<I", glb(), 12)[0]])
     gltf["accessors"][0]["count"] = 3
-    gltf["materials"] = [{"emissiveFactor": [1e300, 0, 0], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 1e300}}}]
+    gltf["materials"] = [
+        {"emissiveFactor": [1e300, 0, 0], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 1e300}}}
+    ]
     gltf["meshes"][0]["primitives"][0]["material"] = 0
     return with_json(gltf)
 
