@@ -245,7 +245,7 @@ export const getInfo = () => call("GET", "/info");
 /** @returns {Promise<Example[]>} */
 export const getExamples = () => call("GET", "/examples");
 
-/** A section of a guide, whose title the guide's first one has. @typedef {{guide: string, heading: string, url: string}} GuideSection */
+/** A section of a guide. guide: the guide's title. @typedef {{guide: string, heading: string, url: string}} GuideSection */
 
 /** @returns {Promise<GuideSection[]>} */
 export async function getGuides() {

@@ -12,7 +12,7 @@ let latest = null;
 /** How long the service's mesh waits for what this page reads, in milliseconds. */
 const WAITED_MS = 3000;
 
-/** Returns a scene's mesh: what this page read, if it shows all that the service's does, or else that one, which is fetched once. @param {string} scene its id @returns {Promise<MeshPacket>} */
+/** Returns a scene's mesh: the one that this page read if it is complete, otherwise the service's, which is fetched once. @param {string} scene its id @returns {Promise<MeshPacket>} */
 export function meshOf(scene) {
   if (latest?.scene !== scene) {
     const asked = { scene, mesh: Promise.race([localMeshOf(scene), late()]).then((local) => (local?.isWhole ? local.packet : fetchMesh(scene))) };

@@ -101,7 +101,7 @@ export function addPart(name, part) {
 
 const FOLDS = "details[data-fold]";
 
-/** Makes a section's being open part of layouts. @template {HTMLDetailsElement} T @param {string} name @param {T} details @returns {T} */
+/** Includes in layouts whether a section is open. @template {HTMLDetailsElement} T @param {string} name @param {T} details @returns {T} */
 export function withFold(name, details) {
   details.dataset.fold = name;
   /** @type {Record<string, boolean> | undefined} */
@@ -119,7 +119,7 @@ export function layoutNow() {
   return { frame: frame.value, folds: Object.fromEntries(folds().map(({ dataset, open }) => [dataset.fold, open])), ...Object.fromEntries(ofParts) };
 }
 
-/** Shows a layout on the open page, and on pages that are opened later what this page does not have. @param {Layout} layout */
+/** Applies a layout to the open page, and the parts that this page lacks to pages that are opened later. @param {Layout} layout */
 export function applyLayout({ frame: framed, folds: stored, ...values }) {
   const open = recordFrom(stored);
   frame.set(frameFrom(framed));
