@@ -42,40 +42,40 @@ class ShareLinkIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    permission: Permission = "view"
-    days: float = Field(7.0, gt=0, le=MAX_DAYS, allow_inf_nan=False)
+    permission: Permission = Field("view", description="`view`: the picture only; `comment`: also notes and a verdict")
+    days: float = Field(7.0, gt=0, le=MAX_DAYS, allow_inf_nan=False, description="lifetime in days")
 
 
 class ShareLinkOut(BaseModel):
     """A link without its secret. user: the user who created it."""
 
-    id: str
-    user: str
-    permission: Permission
-    created: float
-    expires: float | None
+    id: str = Field(description="id of the link, without its secret")
+    user: str = Field(description="user who created the link")
+    permission: Permission = Field(description="`view`: the picture only; `comment`: also notes and a verdict")
+    created: float = Field(description="Unix time in seconds")
+    expires: float | None = Field(description="Unix time of its end; null: never")
 
 
 class NewShareLink(ShareLinkOut):
     """A new link. path: the link's URL relative to the service's root, with the secret; returned only this once."""
 
-    path: str
+    path: str = Field(description="URL relative to the service's root, with the secret; no later request returns it")
 
 
 class SharedJob(BaseModel):
     """The properties of a job that a link shows."""
 
-    name: str
-    state: JobState
-    progress: float
-    width: int | None
-    height: int | None
-    samples: int = Field(description="in the film, all pixels of all frames together")
-    samples_per_pixel: int | None = Field(description="null: until a noise level or a time is reached")
-    frames: list[float] = Field(description="numbers of the frames; of a still one")
-    expires: float | None = Field(description="when the link expires")
+    name: str = Field(description="name of the job")
+    state: JobState = Field(description="state of the job")
+    progress: float = Field(description="0 to 1")
+    width: int | None = Field(description="picture width in pixels")
+    height: int | None = Field(description="picture height in pixels")
+    samples: int = Field(description="samples in the film, over all pixels and frames")
+    samples_per_pixel: int | None = Field(description="goal: samples per pixel; null: the goal is a noise level or a time")
+    frames: list[float] = Field(description="numbers of the frames; a still has one")
+    expires: float | None = Field(description="Unix time of the link's end")
     may_comment: bool = Field(description="whether the link allows notes and a verdict")
-    review: ReviewOut | None = Field(description="null: there is none, or the link only shows the picture")
+    review: ReviewOut | None = Field(description="verdict and counts of notes; null: none, or the link only shows the picture")
 
 
 @router.get("/jobs/{id}/links", response_model=list[ShareLinkOut])
