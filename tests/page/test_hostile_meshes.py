@@ -99,15 +99,18 @@ def repeated_glb() -> bytes:
     return with_json(gltf)
 
 
-def endless_glb() -> bytes:
-    """Returns a GLB whose material emits more than any number."""
-    gltf = json.loads(glb()[20 : 20 + struct.unpack_from("<I", glb(), 12)[0]])
+def glb_of(material: dict[str, Any]) -> bytes:
+    """Returns a GLB of a triangle with a material."""
+    data = glb()
+    (length,) = struct.unpack_from("<I", data, 12)
+    gltf = json.loads(data[20 : 20 + length])
     gltf["accessors"][0]["count"] = 3
-    gltf["materials"] = [
-        {"emissiveFactor": [1e300, 0, 0], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 1e300}}}
-    ]
+    gltf["materials"] = [material]
     gltf["meshes"][0]["primitives"][0]["material"] = 0
     return with_json(gltf)
+
+
+ENDLESS = {"emissiveFactor": [1e300, 0, 0], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 1e300}}}
 
 
 def lying() -> Iterator[Any]:
@@ -116,7 +119,8 @@ def lying() -> Iterator[Any]:
     yield pytest.param({"a.fbx": overlapping_fbx()}, id="FBX, nodes larger than the one around them")
     yield pytest.param({"a.glb": glb(byteStride=1e-8)}, id="GLB, a stride of almost nothing")
     yield pytest.param({"a.glb": glb(byteStride=-1)}, id="GLB, a negative stride")
-    yield pytest.param({"a.glb": endless_glb()}, id="GLB, an infinite emission")
+    yield pytest.param({"a.glb": glb_of(ENDLESS)}, id="GLB, an infinite emission")
+    yield pytest.param({"a.glb": glb_of({"pbrMetallicRoughness": {"metallicFactor": "x"}})}, id="GLB, a word for a number")
 
 
 @pytest.mark.parametrize("files", list(lying()))
@@ -158,6 +162,10 @@ READ_LARGE = """
 )
 def test_large_files_are_read_in_linear_time(own: Node, make: str, triangles: int | None) -> None:
     assert own.call("mesh/upload", READ_LARGE, {"make": make, "formats": list(SCENE_SUFFIXES)}) == triangles
+
+
+def test_plain_material_is_read(own: Node) -> None:
+    assert triangles_of(own, {"a.glb": glb_of({"alphaMode": "MASK", "extensions": {"KHR_materials_unlit": {}}})}) == 1
 
 
 def test_instances_are_bounded(own: Node) -> None:

@@ -247,8 +247,8 @@ export function joined(given, lamps) {
 /** Key of the material that stands for those beyond MOST_MATERIALS. */
 const FURTHER = "";
 
-/** Whether all numbers of a record are finite. @param {object} record */
-const hasFiniteValues = (record) => Object.values(record).flat().every((value) => typeof value !== "number" || Number.isFinite(value));
+/** Whether a record has only finite numbers, besides flags and names of alpha modes: a file may state anything. @param {object} record */
+const hasFiniteValues = (record) => Object.values(record).flat().every((value) => Number.isFinite(value) || typeof value === "boolean" || ["opaque", "mask", "blend"].includes(value));
 
 /** @param {import("../news/mesh-packet.js").MeshMaterial} material */
 const isTextured = (material) => Math.max(material.texture, material.metallic_roughness_texture, material.emission_texture) >= 0;
