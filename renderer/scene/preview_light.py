@@ -25,6 +25,7 @@ __all__ = ["emitted_power", "environment_texels", "is_studio", "lamp_of_mesh", "
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 _HEIGHT = 64  # rows of texels
+_SAMPLED = 8  # pixels of an image of 8 or 16 bits for a texel, along a side
 _FACING = 0.9  # length of the mean normal above which an emitter is flat
 _MOST_LAMPS = 16
 _NEAREST = 1e-3  # of a lamp to the middle of the bounds, by their diagonal
@@ -54,7 +55,10 @@ def environment_texels(description: SceneDescription, in_studio: bool) -> F32 | 
         reduced = _reduced(image_of_sky(environment.sky))
     elif environment.image is not None:
         image = description.images[environment.image]
-        pixels = image.pixels if image.pixels.dtype == np.float32 else linear(replace(image, srgb=True))
+        pixels = image.pixels
+        if pixels.dtype != np.float32:
+            step = max(1, pixels.shape[0] // (_SAMPLED * _HEIGHT))
+            pixels = linear(replace(image, pixels=pixels[::step, ::step], srgb=True))
         reduced = _reduced(pixels[..., :3])
     else:
         reduced = np.ones((1, 1, 3))
@@ -72,7 +76,9 @@ def _reduced(radiance: npt.NDArray[Any]) -> F64:
     columns = np.arange(2 * _HEIGHT) * width // (2 * _HEIGHT)
     if height < _HEIGHT or width < 2 * _HEIGHT:
         return radiance[rows][:, columns].astype(np.float64)
-    sums = np.add.reduceat(np.add.reduceat(radiance, rows, axis=0, dtype=np.float64), columns, axis=1)
+    ends = [*rows[1:], height]
+    blocks = (radiance[first:end].sum(axis=0) for first, end in zip(rows, ends, strict=True))  # one by one, for memory
+    sums = np.stack([np.add.reduceat(block, columns, axis=0, dtype=np.float64) for block in blocks])
     counts = np.outer(np.diff([*rows, height]), np.diff([*columns, width]))
     return np.asarray(sums / counts[..., None])
 
