@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rayfarm.command_advice import sentence
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
 from rayfarm.help_pages import set_help_format
@@ -125,7 +126,7 @@ def main() -> None:
     except RayfarmError as error:
         if os.environ.get("RAYFARM_DEBUG"):
             raise
-        err.print(f"rayfarm: {error}", markup=False, soft_wrap=True)
+        err.print(f"rayfarm: {sentence(error)}", markup=False, soft_wrap=True)
         sys.exit(EXIT_FAILED)
     except OSError as error:
         if os.environ.get("RAYFARM_DEBUG"):

@@ -15,9 +15,10 @@ import contextlib
 import json
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import quote
 
@@ -53,11 +54,19 @@ T = TypeVar("T")
 
 
 class ClientError(RayfarmError):
-    """Raised if the service cannot be reached or rejects a request. `status`: the HTTP status; None if no farm responded."""
+    """Raised if the service cannot be reached or rejects a request.
 
-    def __init__(self, message: str, status: int | None = None) -> None:
+    status: the HTTP status; None if no farm responded. code, params: the service's code of the message and its values; empty for
+    other messages.
+    """
+
+    def __init__(
+        self, message: str, status: int | None = None, code: str = "", params: Mapping[str, Any] = MappingProxyType({})
+    ) -> None:
         super().__init__(message)
         self.status = status
+        self.code = code
+        self.params = params
 
 
 class NotAFarm(ClientError):  # noqa: N818 - it is what was found
@@ -446,7 +455,10 @@ class Client:
         said = f"{self.url} answers {status} {response.reason_phrase}".rstrip()
         if response.headers.get("Content-Type", "").startswith(PROBLEM):
             with contextlib.suppress(ValueError, KeyError, TypeError, RecursionError):
-                return ClientError(str(json.loads(body)["detail"]), status)
+                problem = json.loads(body)
+                return ClientError(
+                    str(problem["detail"]), status, str(problem.get("code", "")), dict(problem.get("params") or {})
+                )
         if status in (401, 403, 407):
             return ClientError(f"{said}: it asks for a login, or refuses access. Ask its administrator.", status)
         if status >= 500 or status in (408, 429):

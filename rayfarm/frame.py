@@ -109,13 +109,13 @@ def render_to(
     motion: F32 | None = None,
     hold: Hold | None = None,
     writes: bool = True,
-    on_picture: Callable[[F32], None] = lambda picture: None,
+    on_picture: Callable[[F32, F32], None] = lambda picture, objects: None,
 ) -> RenderStats:
     """Renders a frame and writes its pictures atomically. summary: of the scene.
 
     motion: from `motion_of`. hold: if given, called with the denoised frame and a function that writes a picture to its file,
     instead of writing the denoised frame. writes: whether to write the raw picture. on_picture: called with the raw picture,
-    (h, w, 3).
+    (h, w, 3), and the AOV `object`, (h, w): 1 + the number, 0 where nothing is hit.
     """
     from renderer.denoise_guides import denoise_still
     from renderer.film import SAMPLES, mean
@@ -148,7 +148,7 @@ def render_to(
         looks["alpha"] = aovs.values(sums, settings.film_exponent, aovs.ALPHA, groups)
     looks["gain_map"] = order.gain_map
     raw = mean(sums, settings.film_exponent)
-    on_picture(raw)
+    on_picture(raw, aovs.values(sums, settings.film_exponent, "object", groups))
     if writes and done.deep is not None:  # before the picture: a run that continues renders frames without one
         _write_deep(options.deep_name(output), done.deep, sums, settings)
     if writes:

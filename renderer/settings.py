@@ -445,7 +445,7 @@ class RenderSettings:
         Setting(0.001, MAX_SHUTTER, off=0.0),
         SettingTexts(
             "Shutter",
-            "Exposure time in frames: longer blurs motion more. 0.5 is a 180° shutter.",
+            "Exposure time relative to a frame's duration: longer blurs motion more. Half is a 180° shutter.",
             unit="fraction",
             section="Samples",
             off=Sentence("setting-off-no-blur", "no motion blur"),
@@ -479,7 +479,7 @@ class RenderSettings:
         Setting(0.001, 1.0, off=0.0),
         SettingTexts(
             "Rolling shutter",
-            "Share of the shutter's time in which rows are read out one after the other. 1: each is exposed for an instant.",
+            "Share of the shutter's time in which rows are read out one after the other. All: each is exposed for an instant.",
             unit="fraction",
             section="Samples",
             off=Sentence("setting-off-all-at-once", "all at once"),

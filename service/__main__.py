@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 
 import uvicorn
-from uvicorn.config import HTTP_PROTOCOLS
+from uvicorn.config import HTTP_PROTOCOLS, LOGGING_CONFIG
 
 from service.connections import Connection, most_connections
 
@@ -27,6 +27,7 @@ UVICORN_OPTIONS = (
 )
 HOST, PORT = "127.0.0.1", "8000"
 log = logging.getLogger(__name__)
+LINES = {"default": "%(message)s", "access": '%(client_addr)s - "%(request_line)s" %(status_code)s'}  # of uvicorn's formatters
 HEALTH_CHECK_PATHS = ("/healthz", "/readyz")
 
 
@@ -47,6 +48,8 @@ def serve(arguments: Sequence[str]) -> None:
     if "FORWARDED_ALLOW_IPS" in os.environ:
         log.warning("FORWARDED_ALLOW_IPS is not read. Set RAYFARM_TRUSTED_PROXIES to the addresses of your proxies.")
     logging.getLogger("uvicorn.access").addFilter(_is_not_health_check)
+    for name, message in LINES.items():
+        LOGGING_CONFIG["formatters"][name]["fmt"] = f"%(asctime)s %(levelname)s {message}"  # as the workers' lines
     listening = ("--host", told.host, "--port", told.port)
     uvicorn.main(args=["service.main:create_app", *UVICORN_OPTIONS, *listening, *others], prog_name="python -m service")
 

@@ -168,7 +168,7 @@ def render_guide(text: str, titles: Mapping[str, str]) -> tuple[str, str, str]:
     """Returns a guide's title, the links to its sections, and its body as HTML.
 
     text: the guide in Markdown. titles: of all guides, by name. A link whose text is a guide's file name gets its title. Links
-    to other files are rendered as plain text.
+    to other files have the file's path as their text, and are rendered without the link.
     """
     from markdown_it.token import Token
 
@@ -194,7 +194,7 @@ def render_guide(text: str, titles: Mapping[str, str]) -> tuple[str, str, str]:
         if token.type == "image":
             token.attrSet("loading", "lazy")
             token.attrSet("src", str(token.attrGet("src")).removeprefix("../"))
-    body = str(parser.renderer.render(tokens, parser.options, {}))
+    body = re.sub(r"<a>(.*?)</a>", r"\1", str(parser.renderer.render(tokens, parser.options, {})), flags=re.DOTALL)
     body = body.replace("<table>", '<div class="wide" tabindex="0"><table>').replace("</table>", "</table></div>")
     body = re.sub(r"<thead>\s*<tr>\s*(<th(?: [^>]*)?></th>\s*)+</tr>\s*</thead>", "", body)  # of columns without names
     body = re.sub(r"<th(?: [^>]*)?></th>", "<td></td>", body)
@@ -269,7 +269,7 @@ def _anchor(words: str, used: dict[str, int]) -> str:
 
 
 def _resolve_link(token: Token, following: Token, titles: Mapping[str, str]) -> None:
-    """Points a link to another guide's page; removes the target of links to files that are not served."""
+    """Points a link to another guide's page. Removes the target of other links, whose text is a file's path."""
     target = token.attrGet("href") if token.type == "link_open" else None
     if not isinstance(target, str):
         return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import asdict
 from typing import Annotated
 
@@ -47,23 +48,31 @@ def jobs(
     if not rows:
         out.print("No jobs yet. `rayfarm submit SCENE` makes one.")
         return
+    has_shots = any(row.shot for row in rows)
     table = Table(box=None, pad_edge=False)
-    for title, side in (
-        ("JOB", "left"),
-        ("STATE", "left"),
-        ("DONE", "right"),
-        ("FRAMES", "right"),
-        ("SIZE", "right"),
-        ("SPP", "right"),
-        ("SCENE", "left"),
-    ):
-        table.add_column(title, justify=side, no_wrap=title == "JOB")  # type: ignore[arg-type]
+    table.add_column("JOB", no_wrap=True)
+    table.add_column("STATE")
+    for title in ("DONE", *(("FRAMES",) if has_shots else ()), "SIZE", "SPP", "AGE"):
+        table.add_column(title, justify="right", no_wrap=title == "AGE")
+    table.add_column("SCENE")
+    now = time.time()
     for row in rows:
-        size = f"{row.width or '?'}x{row.height or '?'}"
-        done = f"{100 * row.progress:.0f} %"
         frames = f"{row.shot.states.get('finished', 0)} of {row.shot.count}" if row.shot else ""
-        table.add_row(row.id, row.state, done, frames, size, str(row.spp or ""), escape(row.name or row.scene))
+        table.add_row(
+            *(row.id, row.state, f"{100 * row.progress:.0f} %"),
+            *((frames,) if has_shots else ()),
+            *(f"{row.width or '?'}x{row.height or '?'}", str(row.spp or ""), _age(now - row.created)),
+            escape(row.name or row.scene),
+        )
     out.print(table)
     for row in rows:
         if why := row.error or row.warning or row.message:
             out.print(f"{row.id}: {why}", markup=False, soft_wrap=True)
+
+
+def _age(seconds: float) -> str:
+    """Returns a duration in its largest whole unit, such as 5 min."""
+    for unit, size in (("d", 86_400), ("h", 3600), ("min", 60)):
+        if seconds >= size:
+            return f"{seconds // size:.0f} {unit}"
+    return f"{max(seconds, 0):.0f} s"

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from rayfarm.frame import F32
     from renderer.render import RenderStats
 
-__all__ = ["register"]
+__all__ = ["print_darkness_note", "register"]
 
 OUTPUT_PANEL = "What is written"
 PART = "A part of it"
@@ -209,10 +209,11 @@ def render(
     settings = order.settings(summary, moment)
     check_still_size(output, settings.width, settings.height)
     load_kernels(settings, compiled, clock, order.card)
+    other_camera = "auto" if picture.camera != "auto" and any(each["name"] == "auto" for each in summary["cameras"]) else ""
     with show_progress() as show:
         done = render_to(
             *(output, order, compiled, summary, settings, clock, show, motion[0]),
-            on_picture=lambda picture: _print_darkness_note(picture, output, exposure),
+            on_picture=lambda picture, objects: print_darkness_note(picture, objects, output, exposure, other_camera),
         )
     _print_summary(output, settings, clock, done)
     report_bad_samples(scene, settings, done, moment_options(moment) + camera_options(order, settings))
@@ -220,10 +221,22 @@ def render(
         _write(stats, statistics(clock, done))
 
 
-def _print_darkness_note(picture: F32, output: Path, exposure: float) -> None:
-    """Prints a note if a tone-mapped picture looks black, with the exposure that makes it visible."""
+def print_darkness_note(picture: F32, objects: F32, output: Path, exposure: float, other_camera: str) -> None:
+    """Prints a note if a picture is black, with the reason, or if a tone-mapped one looks black, with an exposure that shows it.
+
+    objects: 1 + the object number of each pixel, 0 for none. other_camera: name of the camera to advise; empty: none.
+    """
     from renderer.image.darkness import darkness
 
+    if not picture.any():
+        if objects.any():
+            why, advice = "no light reaches what the camera sees", "--env studio lights it."
+        elif other_camera:
+            why, advice = "the camera sees no object", f"--camera {other_camera} frames the scene."
+        else:
+            why, advice = "the camera sees no object", "`rayfarm info` shows the bounds of the scene, for --eye and --target."
+        err.print(f"note: The picture is black: {why}. {advice}", markup=False, soft_wrap=True)
+        return
     if output.suffix.lower() in LINEAR or (dark := darkness(picture * 2.0**exposure)) is None:
         return
     brightest = dark.brightest / 2.0**exposure

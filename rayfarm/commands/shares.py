@@ -67,4 +67,4 @@ def shares(
     if table.row_count:
         out.print(table)
     else:
-        out.print("Nobody has jobs or terms: all would share alike.")
+        out.print("No jobs and no shares yet: all jobs get equal shares. `rayfarm shares user:NAME --weight 2` sets one.")

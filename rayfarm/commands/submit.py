@@ -188,7 +188,9 @@ def submit(
             asked["environment"]["image"] = farm.upload_environment(image, project).id
         if shot is not None:
             asked |= {**shot.request, "frames": frames_text(shot.frames)}
-        chosen = {**place, "variant": variant, "fresh": fresh or None, "denoise": denoise or None, "strict": strict or None}
+        chosen = {**place, "variant": variant, "fresh": fresh or None, "strict": strict or None}
+        # As the page does: a still is shown denoised where a worker can denoise. Its film stays as it is.
+        chosen["denoise"] = denoise or (shot is None and any(worker.denoises for worker in farm.workers())) or None
         asked |= {name: value for name, value in chosen.items() if value is not None and value != []}
         job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)

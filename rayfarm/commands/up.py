@@ -9,6 +9,7 @@ import ssl
 import sys
 import time
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["open_command", "register"]
 
 COMPILING_S = 600.0
+NOTE_AFTER_S = 5.0  # kernels from the cache are ready before
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -117,7 +119,7 @@ def up(
                 _summary(farm, folder)
                 if browser and has_screen():
                     webbrowser.open(farm.login_link(farm.url) or farm.url)
-                if slots and farm.wait_until(farm.worker_ready, "worker", signals.stop, COMPILING_S):
+                if slots and farm.wait_until(_with_note(farm.worker_ready), "worker", signals.stop, COMPILING_S):
                     count = "one worker slot" if slots == 1 else f"{slots} worker slots"
                     out.print(f"Ready after {time.monotonic() - begun:.1f} s with {count}. Ctrl-C stops the farm.")
                 elif not slots:
@@ -129,6 +131,22 @@ def up(
             print_progress("Stopping (Ctrl-C again: at once) ...")
             farm.stop(signals.is_immediate)
     print_progress("Stopped. Nothing is left running.")
+
+
+def _with_note(ready: Callable[[], bool]) -> Callable[[], bool]:
+    """Returns `ready` with a note about the compilation of kernels, which is printed once if it is false for NOTE_AFTER_S."""
+    begun, is_noted = time.monotonic(), False
+
+    def check() -> bool:
+        nonlocal is_noted
+        if ready():
+            return True
+        if not is_noted and time.monotonic() - begun > NOTE_AFTER_S:
+            is_noted = True
+            out.print("Compiling kernels, about half a minute at the first start. Scenes can be opened meanwhile.")
+        return False
+
+    return check
 
 
 def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
@@ -177,5 +195,4 @@ def _summary(farm: LocalFarm, folder: Path) -> None:
         line("Add a machine", f"{farm.open_command}, which prints the command for it")
     else:
         line("Add a machine", f"RAYFARM_TOKEN={farm.secrets.token} {PROGRAM} worker --join {farm.public_url}")
-    line("Data and logs", str(folder))
-    line("Kernels", "loading; the first start compiles them, which takes about half a minute\n")
+    line("Data and logs", f"{folder}\n")

@@ -39,9 +39,11 @@ function typeName(schema, api) {
 function limits(schema) {
   const inner = schema.anyOf?.find((each) => each.type !== "null") ?? schema;
   const words = [];
-  if (inner.minimum !== undefined) words.push(`from ${inner.minimum}`);
-  if (inner.exclusiveMinimum !== undefined) words.push(`above ${inner.exclusiveMinimum}`);
-  if (inner.maximum !== undefined) words.push(`to ${inner.maximum}`);
+  const [least, above, most] = [inner.minimum, inner.exclusiveMinimum, inner.maximum];
+  if (least !== undefined && most !== undefined) words.push(`${least} to ${most}`);
+  else if (least !== undefined) words.push(`at least ${least}`);
+  else if (most !== undefined) words.push(above === undefined ? `at most ${most}` : `above ${above}, at most ${most}`);
+  else if (above !== undefined) words.push(`above ${above}`);
   if (schema.default !== undefined && schema.default !== null) words.push(`default ${JSON.stringify(schema.default)}`);
   return words.join(", ");
 }
@@ -49,22 +51,23 @@ function limits(schema) {
 /** Turns `code` in a text into elements. */
 const withCode = (text) => text.split("`").map((part, i) => (i % 2 ? el("code", {}, part) : part));
 
-function row(name, schema, required, api, description) {
-  const about = [description ?? schema.description ?? "", limits(schema)].filter(Boolean).join(" · ");
-  const cells = [[el("code", {}, name + (required ? " *" : ""))], [typeName(schema, api)], withCode(about)];
+function row(name, schema, required, api, description, place) {
+  const said = description ?? schema.description ?? resolve(schema, api).description ?? "";
+  const about = [said, limits(schema)].filter(Boolean).join(" · ");
+  const cells = [[el("code", {}, name), place || required ? el("span", { class: "quality" }, [place, required && "required"].filter(Boolean).join(", ")) : ""], [typeName(schema, api)], withCode(about)];
   return el("tr", {}, ...cells.map((cell) => el("td", {}, ...cell)));
 }
 
 function table(caption, rows) {
-  const head = el("tr", {}, ...["name", "type", "about"].map((text) => el("th", { scope: "col" }, text)));
+  const head = el("tr", {}, ...["Name", "Type", "Description"].map((text) => el("th", { scope: "col" }, text)));
   return rows.length ? el("div", {}, el("h3", {}, caption), el("table", {}, el("thead", {}, head), el("tbody", {}, ...rows))) : null;
 }
 
-function properties(caption, schema, api) {
+function properties(caption, schema, api, isRequest) {
   const shape = resolve(schema.type === "array" ? schema.items : schema, api);
   const required = new Set(shape.required ?? []);
   const fields = Object.entries(shape.properties ?? {}).sort(([a], [b]) => required.has(b) - required.has(a)); // required ones first
-  return table(caption, fields.map(([name, each]) => row(name, each, required.has(name), api)));
+  return table(caption, fields.map(([name, each]) => row(name, each, isRequest && required.has(name), api)));
 }
 
 /** Returns an example of a JSON body with its required fields. */
@@ -84,16 +87,16 @@ function commands(path, method, about, api) {
   const media = Object.keys(about.requestBody?.content ?? {})[0] ?? "";
   const isForm = media.startsWith("multipart/");
   const example = media && !isForm ? JSON.stringify(exampleBody(about.requestBody.content[media].schema, api)).replaceAll(/([:,])/g, "$1 ") : "";
-  const body = !media ? "" : isForm ? " -F files=@scene.glb" : ` --json '${example}'`;
-  const sent = !media ? "" : isForm ? ', files={"files": open("scene.glb", "rb")}' : `, json=${example.replaceAll("true", "True").replaceAll("false", "False").replaceAll("null", "None")}`;
-  const curl = `curl -sf${method === "get" || body ? "" : ` -X ${verb}`}${body && verb !== "POST" ? ` -X ${verb}` : ""}${body} ${url}`;
-  const python = `import httpx\n\nanswer = httpx.${method}("${url}"${sent}).raise_for_status()`;
+  const body = !media ? "" : isForm ? " \\\n  -F files=@scene.glb" : ` \\\n  --json '${example}'`;
+  const sent = !media ? "" : isForm ? ',\n    files={"files": open("scene.glb", "rb")}' : `,\n    json=${example.replaceAll("true", "True").replaceAll("false", "False").replaceAll("null", "None")}`;
+  const curl = `curl -sf${method === "get" || body ? "" : ` -X ${verb}`}${body && verb !== "POST" ? ` -X ${verb}` : ""}${body} \\\n  ${url}`;
+  const python = `import httpx\n\nfarm = "${location.origin}"\nanswer = httpx.${method}(\n    farm + "${path}"${sent},\n)\nanswer.raise_for_status()`;
   return Object.entries({ curl, Python: python }).map(([name, text]) => el("div", {}, el("h3", {}, name), el("pre", { tabindex: "0" }, text)));
 }
 
 function operation(path, method, about, api) {
-  const parameters = (about.parameters ?? []).map((p) => row(`${p.name} (${p.in})`, p.schema ?? {}, p.required, api, p.description));
-  const sent = Object.entries(about.requestBody?.content ?? {}).map(([media, { schema }]) => properties(`Body: ${media}`, schema, api) ?? "");
+  const parameters = (about.parameters ?? []).map((p) => row(p.name, p.schema ?? {}, p.required && p.in !== "path", api, p.description ?? (p.in === "path" ? "part of the URL" : undefined), p.in));
+  const sent = Object.entries(about.requestBody?.content ?? {}).map(([media, { schema }]) => properties(`Body: ${media}`, schema, api, true) ?? "");
   const given = Object.entries(about.responses ?? {})
     .filter(([status]) => status.startsWith("2"))
     .flatMap(([status, answer]) =>
@@ -109,7 +112,8 @@ function operation(path, method, about, api) {
   const rest = (about.description ?? "").split("\n").slice(1).join("\n").trim().split(/\n\s*\n/).filter(Boolean);
   const paragraphs = rest.map((text) => el("p", {}, ...withCode(text)));
   const examples = el("div", { class: "commands" }, ...commands(path, method, about, api));
-  return el("details", {}, summary, el("div", { class: "inside" }, ...paragraphs, examples, table("Parameters", parameters), ...sent, ...given));
+  const fields = el("div", { class: "fields" }, ...paragraphs, table("Parameters", parameters), ...sent, ...given);
+  return el("details", {}, summary, el("div", { class: "inside" }, examples, fields));
 }
 
 function page(api) {

@@ -10,7 +10,7 @@ from fastapi import Depends, Query, Response
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
-__all__ = ["MAX_ITEMS", "TOTAL", "Page", "PageDependency"]
+__all__ = ["MAX_ITEMS", "TOTAL", "Offset", "Page", "PageDependency"]
 
 MAX_ITEMS = 1000  # items in one answer
 TOTAL = "X-Total-Count"
@@ -42,10 +42,14 @@ class Page:
         return here, list(session.scalars(query.limit(left).offset(skipped))) if left else []
 
 
+Limit = Annotated[int, Query(ge=1, le=MAX_ITEMS, description="maximum number of items")]
+Offset = Annotated[int, Query(ge=0, le=1 << 31, description="items to skip")]
+
+
 def _page(
     response: Response,
-    limit: Annotated[int, Query(ge=1, le=MAX_ITEMS)] = 100,
-    offset: Annotated[int, Query(ge=0, le=1 << 31)] = 0,
+    limit: Limit = 100,
+    offset: Offset = 0,
 ) -> Page:
     return Page(limit, offset, response)
 

@@ -12,8 +12,10 @@ from service.access.visit import Visit
 
 __all__ = ["VISIT", "InProject", "IntoProject", "VisitDependency", "address_of", "bearer_token"]
 
-InProject = Annotated[str | None, Query(max_length=64, description="those of this project alone; empty: those of none")]
-IntoProject = Annotated[str, Query(max_length=64, description="whose members alone see it; empty: everybody who is let in")]
+InProject = Annotated[
+    str | None, Query(max_length=64, description="only items of this project; empty: only items without a project")
+]
+IntoProject = Annotated[str, Query(max_length=64, description="project whose members can see it; empty: visible to all users")]
 
 VISIT = "rayfarm.visit"  # key in the ASGI scope
 

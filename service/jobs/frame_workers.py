@@ -12,17 +12,17 @@ __all__ = ["FrameWorkersOut", "TileSharesOut", "WorkerShareOut", "frame_workers"
 class WorkerShareOut(BaseModel):
     """A worker and the number of samples that it rendered of a frame."""
 
-    name: str
+    name: str = Field(description="name of the worker")
     samples: int = Field(description="over all pixels")
 
 
 class TileSharesOut(BaseModel):
     """A tile with samples, and how many of them each worker rendered."""
 
-    x: int
-    y: int
-    w: int
-    h: int
+    x: int = Field(description="left edge in pixels")
+    y: int = Field(description="upper edge in pixels")
+    w: int = Field(description="width in pixels")
+    h: int = Field(description="height in pixels")
     samples: int = Field(description="per pixel")
     shares: list[int] = Field(description="per pixel, of each worker in the order of `workers`")
 

@@ -19,9 +19,11 @@ MAX_JOBS = 1000  # per request
 class ChangesIn(Strict):
     """A change to apply to many jobs."""
 
-    jobs: list[Annotated[str, Field(max_length=100)]] = Field(min_length=1, max_length=MAX_JOBS)
-    state: Literal["running", "paused", "cancelled", "deleted"] | None = None
-    priority: int | None = Field(None, ge=-100, le=100)
+    jobs: list[Annotated[str, Field(max_length=100)]] = Field(min_length=1, max_length=MAX_JOBS, description="ids of the jobs")
+    state: Literal["running", "paused", "cancelled", "deleted"] | None = Field(
+        None, description="new state; `deleted` deletes the jobs"
+    )
+    priority: int | None = Field(None, ge=-100, le=100, description="new priority; higher is rendered first")
     of: list[JobState] | None = Field(None, description="only jobs in one of these states")
 
     @model_validator(mode="after")
@@ -34,20 +36,20 @@ class ChangesIn(Strict):
 class WasOut(BaseModel):
     """A job that was changed, with its previous state and priority."""
 
-    id: str
-    state: str
-    priority: int
+    id: str = Field(description="id of the job")
+    state: str = Field(description="state before the change")
+    priority: int = Field(description="priority before the change")
 
 
 class RefusedOut(Coded):
     """A job that the change could not be applied to, with the reason."""
 
-    id: str
-    why: str
+    id: str = Field(description="id of the job")
+    why: str = Field(description="reason in one sentence")
 
 
 class ChangesOut(BaseModel):
     """Result of changing many jobs: those that were changed, and those that refused the change."""
 
-    changed: list[WasOut]
-    refused: list[RefusedOut]
+    changed: list[WasOut] = Field(description="changed jobs, with their previous values")
+    refused: list[RefusedOut] = Field(description="unchanged jobs, with the reason")

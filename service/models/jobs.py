@@ -76,8 +76,8 @@ def _frames_text(value: str | int | float) -> str:
 class DistortionIn(Strict):
     """A lens distortion, with OpenCV's coefficients in OpenCV's order: k1, k2, p1, p2, k3 ... k6, or of a fisheye k1 ... k4."""
 
-    model: Literal["brown", "fisheye"]
-    coefficients: list[float] = Field([], max_length=8)
+    model: Literal["brown", "fisheye"] = Field(description="`brown` for ordinary lenses, `fisheye` for fisheye lenses")
+    coefficients: list[float] = Field([], max_length=8, description="OpenCV's coefficients, in OpenCV's order")
 
 
 @with_fields(VIEW)
@@ -98,8 +98,8 @@ class ViewModel(Strict):
 class SkyIn(Strict):
     """A clear sky, given by the sun's direction in degrees: above the horizon, and clockwise from -Z seen from above (90: +X)."""
 
-    elevation: float = Field(ge=-90.0, le=90.0)
-    azimuth: float = Field(0.0, ge=-360.0, le=360.0)
+    elevation: float = Field(ge=-90.0, le=90.0, description="degrees of the sun above the horizon")
+    azimuth: float = Field(0.0, ge=-360.0, le=360.0, description="degrees clockwise from -Z, seen from above; 90: +X")
 
 
 @with_fields(ENVIRONMENT)
@@ -110,7 +110,7 @@ class EnvironmentIn(Strict):
     """
 
     color: Vec3 | None = None
-    sky: SkyIn | None = None
+    sky: SkyIn | None = Field(None, description="a clear sky with a sun")
     image: str | None = Field(None, max_length=100, description="id of an uploaded environment: see /api/environments")
     preset: str | None = Field(None, json_schema_extra={"enum": [*PRESETS, None]}, description="name of a preset")
 
@@ -157,7 +157,7 @@ class JobIn(QueueOptionsIn):
     vary: Annotated[dict[str, Any], Field(max_length=6)] | Literal[False] | None = Field(
         None,
         description="how the scene varies from frame to frame, by seed: distributions of `objects`, `materials`, `lights` and "
-        "`environment`; with `seed` and `every`. A job with `views` has the scene file's own `vary` unless told; false for none",
+        "`environment`; with `seed` and `every`. A job with `views` has the scene file's own `vary` by default; false for none",
     )
     spp: int | None = None
     noise: float | None = None
@@ -290,10 +290,12 @@ Focus = tuple[Coordinate, Coordinate, Annotated[int, Field(ge=1, le=1 << 20)], A
 class JobPatch(QueuePatch):
     """The changeable fields of a job. Frames are given as in a request, such as 10-20 or 7,9."""
 
-    state: Literal["running", "paused", "cancelled"] | None = None
+    state: Literal["running", "paused", "cancelled"] | None = Field(
+        None, description="`running` starts or resumes the job, `paused` and `cancelled` stop it"
+    )
     name: str | None = Field(None, max_length=200, description="empty: the name of the scene")
     note: str | None = Field(None, max_length=2000, description="plain text, also of several lines; empty: none")
-    priority: int | None = Field(None, ge=-100, le=100)
+    priority: int | None = Field(None, ge=-100, le=100, description="jobs with a higher priority are rendered first")
     spp: int | None = Field(
         None,
         ge=1,
@@ -341,36 +343,38 @@ class JobPatch(QueuePatch):
 class BadSampleOut(BaseModel):
     """A sample that was NaN or infinite, and was therefore discarded."""
 
-    x: int
-    y: int
-    sample: int
+    x: int = Field(description="column of the pixel, from the left")
+    y: int = Field(description="row of the pixel, from the top")
+    sample: int = Field(description="number of the sample within the pixel, from 0")
     reproduce: str = Field(description="command that traces the sample again and prints its path")
 
 
 class FrameOut(Coded):
     """A frame of a job: its state, samples and noise."""
 
-    number: int | float
-    state: FrameState
-    samples: int
+    number: int | float = Field(description="number of the frame; 0 for a still")
+    state: FrameState = Field(description="state of the frame")
+    samples: int = Field(description="samples over all pixels")
     spp: float = Field(description="mean number of samples per pixel")
-    bad_samples: int
+    bad_samples: int = Field(description="NaN and infinite samples, which are left out")
     bad: list[BadSampleOut] = Field(description="the first bad samples; of shots only at /api/jobs/{id}/frames/{n}")
-    progress: float
+    progress: float = Field(description="0 to 1")
     noise: float | None = Field(description="relative standard error; of a shot's frames from 8 samples on")
-    error: str | None
+    error: str | None = Field(description="why the frame failed; null: it did not")
 
 
 class ShotOut(BaseModel):
     """A job with several frames: their timing, rendering order and states."""
 
     frames: str = Field(description="the frames, such as 0-99,120")
-    count: int
-    fps: float | None = Field(description="null: the file's frame rate, or 24")
-    clip: str | None
-    turntable: float | None
-    order: str
-    every: int
+    count: int = Field(description="number of frames")
+    fps: float | None = Field(description="frames per second; null: the file's frame rate, or 24")
+    clip: str | None = Field(description="animation that is played; null: the file's first")
+    turntable: float | None = Field(
+        description="degrees by which the camera turns around the scene over the whole shot; null: it does not turn"
+    )
+    order: str = Field(description="order in which frames are rendered")
+    every: int = Field(description="step of the order `every-nth`")
     first: int | float | None = Field(description="the frame that is rendered before all others")
     states: dict[FrameState, int] = Field(description="number of frames in each state")
     failed: str = Field(description="the failed frames, such as 3,7-9")
@@ -390,50 +394,52 @@ class TakenOut(BaseModel):
 class JobOut(QueueOut):
     """A job with its settings, state and progress."""
 
-    id: str
-    scene: str
+    id: str = Field(description="id of the job")
+    scene: str = Field(description="id of the scene")
     project: str = Field(default="", description="project of the scene; empty: visible to all users")
-    name: str
-    state: JobState
+    name: str = Field(description="name of the job")
+    state: JobState = Field(description="state of the job")
     message: str | None = Field(description="why the job does not progress at present")
     stranded: bool = Field(description="whether no connected worker is of the kind that began the job: see /anew")
-    error: str | None
+    error: str | None = Field(description="why the job failed; null: it did not")
     reproduce: str | None = Field(description="command that reproduces the error")
-    priority: int
-    created: float
-    started: float | None
-    finished: float | None
+    priority: int = Field(description="jobs with a higher priority are rendered first")
+    created: float = Field(description="Unix time in seconds")
+    started: float | None = Field(description="Unix time of the first sample's dispatch; null: not started")
+    finished: float | None = Field(description="Unix time of the end; null: not ended")
     as_of: float = Field(
         default=0.0,
         description="Unix time of this description; of two descriptions of a job, the one with the larger value is newer",
     )
     active_s: float = Field(description="wall-clock time spent on rendering")
-    progress: float
-    eta_s: float | None
+    progress: float = Field(description="0 to 1")
+    eta_s: float | None = Field(description="expected seconds until the end; null: unknown")
     samples: int = Field(description="samples in the film, over all pixels and frames")
-    samples_per_s: float
+    samples_per_s: float = Field(description="samples per second at present, over all slots")
     bad_samples: int = Field(description="NaN and infinite samples, which are left out")
-    width: int | None
-    height: int | None
-    spp: int | None
-    noise: float | None
-    seconds: float | None
-    tile_size: int | None
+    width: int | None = Field(description="picture width in pixels")
+    height: int | None = Field(description="picture height in pixels")
+    spp: int | None = Field(description="goal: samples per pixel; null: none")
+    noise: float | None = Field(description="goal: relative noise; null: none")
+    seconds: float | None = Field(description="goal: seconds of rendering; null: none")
+    tile_size: int | None = Field(description="edge of a tile in pixels; null: chosen by the farm")
     focus: list[int] | None = Field(description="rectangle that is rendered first: x, y, w, h in pixels")
-    kind: str | None
-    settings: dict[str, Any] | None
-    environment: dict[str, Any] | None = Field(description="as requested; `name` is that of the image")
-    variant: str | None = Field(description="as requested")
-    up: str | None = Field(description="as requested")
-    floor: str | None = Field(description="as requested")
+    kind: str | None = Field(
+        description="renderer version and processor kind of the workers that render the job; null: not started"
+    )
+    settings: dict[str, Any] | None = Field(description="render settings, as `POST /api/jobs` takes them")
+    environment: dict[str, Any] | None = Field(description="environment, as requested; `name` is the image's name")
+    variant: str | None = Field(description="material variant, as requested")
+    up: str | None = Field(description="up axis, as requested")
+    floor: str | None = Field(description="floor below the scene, as requested")
     denoise: bool = Field(description="whether the page shows and saves denoised pictures by default")
-    pinned: bool = Field(description="whether retention rules keep it")
-    note: str | None = Field(description="plain text")
-    review: ReviewOut | None = Field(default=None, description="null: neither notes nor a verdict")
+    pinned: bool = Field(description="whether retention rules keep the film and the scene's files")
+    note: str | None = Field(description="note on the job, plain text")
+    review: ReviewOut | None = Field(default=None, description="verdict and counts of notes; null: neither")
     taken: TakenOut | None = Field(description="reused samples; null: none")
     doubted: list[str] = Field(
         description="workers with samples in the film that have since failed verification: "
         "set the job to running to render those samples again"
     )
-    frames: list[FrameOut] = Field(description="of a shot only the first; all are at /api/jobs/{id}/frames")
-    shot: ShotOut | None = Field(description="null: the job is a still")
+    frames: list[FrameOut] = Field(description="frames; of a shot only the first ones: `GET /api/jobs/{id}/frames` lists all")
+    shot: ShotOut | None = Field(description="timing and states of a shot; null: a still")

@@ -43,31 +43,31 @@ class NoteIn(Strict):
 class NotePatch(Strict):
     """The change of a note. resolved: whether it is done; a reply cannot be resolved by itself."""
 
-    resolved: bool
+    resolved: bool = Field(description="whether the note is done")
     author: str | None = AUTHOR
 
 
 class NoteOut(BaseModel):
     """A note on a picture, or a reply to one."""
 
-    id: str
-    reply_to: str | None
-    frame: int | float
+    id: str = Field(description="id of the note")
+    reply_to: str | None = Field(description="id of the note that this one replies to; null: it is no reply")
+    frame: int | float = Field(description="number of the frame; 0 for a still")
     x: float | None = Field(description="place as a fraction of the picture's width; null: the whole picture")
-    y: float | None
-    author: str
+    y: float | None = Field(description="place as a fraction of the picture's height; null: the whole picture")
+    author: str = Field(description="name of the author; empty: none was given")
     guest: bool = Field(description="whether it was written through a share link, under an unverified name")
-    text: str
-    created: float = Field(description="unix time")
+    text: str = Field(description="plain text")
+    created: float = Field(description="Unix time in seconds")
     resolved: float | None = Field(description="when it was resolved; null: it is open")
-    resolved_by: str | None
+    resolved_by: str | None = Field(description="name of the person who resolved it; null: it is open")
     resolved_guest: bool = Field(description="whether that was through a share link, under an unverified name")
 
 
 class ReviewIn(Strict):
     """The verdict on a job's pictures. state: null withdraws it."""
 
-    state: Verdict | None
+    state: Verdict | None = Field(description="the verdict; null withdraws it")
     author: str | None = AUTHOR
 
 

@@ -74,16 +74,18 @@ class QueuePatch(Strict):
 
     max_slots: MaxSlots = None
     deadline: Deadline = None
-    needs: Requirements | None = None
+    needs: Requirements | None = Field(
+        None, description="requirements on workers: tags such as gpu, and memory_gb=32; []: any worker"
+    )
     after: JobIds | None = Field(None, description="the jobs to continue waiting for; []: none")
 
 
 class WaitOut(BaseModel):
     """A job that another job waits for."""
 
-    id: str
-    name: str | None = Field(description="null: the job was deleted")
-    state: str | None
+    id: str = Field(description="id of the job")
+    name: str | None = Field(description="name of the job; null: the job was deleted")
+    state: str | None = Field(description="state of the job; null: the job was deleted")
 
 
 class QueueOut(Coded):
@@ -93,7 +95,7 @@ class QueueOut(Coded):
     user: str | None = Field(description="user who submitted the job; null on a farm without logins")
     max_slots: int | None = Field(description="maximum number of slots at a time")
     needs: list[str] = Field(description="requirements on workers")
-    deadline: float | None = Field(description="Unix time")
+    deadline: float | None = Field(description="Unix time until which the job should finish; null: none")
     expected: float | None = Field(description="forecast of the end, as Unix time; only for unfinished jobs with a deadline")
     unforeseen: str | None = Field(description="why an unfinished job with a deadline has no forecast")
     late: float | None = Field(

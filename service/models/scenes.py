@@ -25,20 +25,22 @@ class MeasuredOut(BaseModel):
 class SceneOut(Coded):
     """An uploaded scene: its files, state of preparation, cameras and warnings."""
 
-    id: str
-    name: str
-    status: SceneStatus
-    error: str | None
+    id: str = Field(description="id of the scene")
+    name: str = Field(description="name of the scene")
+    status: SceneStatus = Field(description="state of the preparation")
+    error: str | None = Field(description="why the preparation failed; null: it did not")
     step: str | None = Field(description="current step of the preparation")
     progress: float | None = Field(description="progress of the preparation, 0 to 1")
-    created: float = Field(description="unix time in seconds")
-    main: str
-    files: list[dict[str, Any]]
-    bytes: int
-    cameras: list[dict[str, Any]]
-    counts: dict[str, int]
-    bounds: list[list[float]] | None
-    animations: list[str]
+    created: float = Field(description="Unix time in seconds")
+    main: str = Field(description="path of the file that the scene is read from")
+    files: list[dict[str, Any]] = Field(description="uploaded files: path, size and digest")
+    bytes: int = Field(description="size of all files")
+    cameras: list[dict[str, Any]] = Field(description="cameras of the scene: name and view")
+    counts: dict[str, int] = Field(description="number of triangles, lights, materials and so on")
+    bounds: list[list[float]] | None = Field(
+        description="minimum and maximum corner of the bounding box in world space; null while unknown"
+    )
+    animations: list[str] = Field(description="names of the animations")
     fps: float | None = Field(description="the file's frame rate, or 24; null while unknown")
     clips: list[dict[str, Any]] = Field(description="animations: name, begin and end in seconds")
     variants: list[str] = Field(description="names of material variants, for a job's `variant`")
@@ -47,17 +49,19 @@ class SceneOut(Coded):
     up_axis: str | None = Field(description="up axis of an OBJ, PLY, STL or OFF file; null: unknown, or stated by the file")
     up: str | None = Field(description="the requested up axis; null: guessed")
     has_floor: bool = Field(description="whether there is a floor below the scene")
-    floor: str | None = Field(description="as requested: on, or auto (if the file has no light); null: off")
+    floor: str | None = Field(
+        description="floor below the scene, as requested: on, or auto (if the file has no light); null: off"
+    )
     environment: str | None = Field(
         description="environment in place of the file's: an image among the files, or sky:ELEVATION,AZIMUTH"
     )
-    measured: MeasuredOut | None = Field(description="null until a picture is rendered")
-    warnings: list[str]
+    measured: MeasuredOut | None = Field(description="measured cost and noise; null until a picture is rendered")
+    warnings: list[str] = Field(description="what the reader left out or replaced, one sentence each")
     strict: bool = Field(description="whether warnings are errors, which `error` and `warnings` then list")
-    defaults: dict[str, Any]
-    thumbnail: str | None
+    defaults: dict[str, Any] = Field(description="render settings of the file, which jobs use if they set none")
+    thumbnail: str | None = Field(description="URL of a small picture; null: none yet")
     preview: str | None = Field(
         default=None,
         description="a mesh to draw until there are samples; cameras, bounds and defaults come with it",
     )
-    project: str = Field(default="", description="empty: visible to all users")
+    project: str = Field(default="", description="project of it; empty: visible to all users")

@@ -45,11 +45,11 @@ class TakePatch(Strict):
 class TakeOut(BaseModel):
     """A saved camera with the settings of a scene's live view."""
 
-    id: str
-    name: str
-    author: str | None = Field(description="null: a farm without logins, and no name was given")
-    created: float = Field(description="unix time")
+    id: str = Field(description="id of the take")
+    name: str = Field(description="name of the take")
+    author: str | None = Field(description="name of the author; null: none was given")
+    created: float = Field(description="Unix time in seconds")
     request: dict[str, Any] = Field(description="the view as a job's request: POST it to /api/jobs to render it")
     exposure: float = Field(description="stops")
-    tonemap: str = Field(description="the tone curve")
+    tonemap: str = Field(description="tone curve")
     picture: str | None = Field(description="URL of its picture; null: it has none")

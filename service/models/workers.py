@@ -30,7 +30,7 @@ Week = Annotated[str | None, Field(max_length=500), AfterValidator(_valid_hours)
 class WorkerPatch(Strict):
     """The changeable settings of a running worker. Null resets a setting, except `state`, to the worker's start value."""
 
-    state: Literal["running", "paused"] | None = None
+    state: Literal["running", "paused"] | None = Field(None, description="`paused`: the worker takes no new work")
     hours: Week = Field(
         None, description="working hours by the worker's clock, such as Mon-Fri 19:00-07:00, Sat-Sun; empty: always"
     )
@@ -72,14 +72,14 @@ class WorkerPatch(Strict):
 class OfferOut(Coded):
     """What a worker offers, as it reports: tags, memory, hours and limits."""
 
-    tags: list[str]
+    tags: list[str] = Field(description="tags that jobs can require by `needs`")
     memory: int = Field(description="bytes available: its limit, or the machine's memory")
     slots_most: int = Field(description="number of slots at its start")
-    hours: str = Field(description="empty: always")
-    idle_minutes: float = Field(description="0: it renders also while a user is active")
+    hours: str = Field(description="working hours by the worker's clock; empty: always")
+    idle_minutes: float = Field(description="minutes without activity of a user before it renders; 0: it always renders")
     idle_by: list[str] = Field(description="sources of user activity: load, terminals, desktop, screen")
-    nice: int
-    memory_limit: int = Field(description="bytes; 0: none")
+    nice: int = Field(description="Unix niceness of its processes")
+    memory_limit: int = Field(description="bytes of memory above which it takes no new work; 0: no limit")
     rests: str | None = Field(description="why it takes no work at present, by its hours or limits")
     trouble: str | None = Field(description="requested settings that it cannot apply")
 
@@ -87,37 +87,39 @@ class OfferOut(Coded):
 class CardOut(BaseModel):
     """A graphics card with which a worker's slot renders."""
 
-    number: int
-    name: str
-    memory: int = Field(description="bytes")
+    number: int = Field(description="number of the card on its machine")
+    name: str = Field(description="model of the card")
+    memory: int = Field(description="bytes of memory")
     capability: str = Field(description="compute capability, such as 8.6")
     slot: int = Field(description="index in `current`")
-    samples_per_s: float = Field(description="of its latest batches; 0: none yet")
+    samples_per_s: float = Field(description="samples per second of its latest batches; 0: none yet")
 
 
 class WorkerOut(Coded):
     """A connected worker, as it reports itself."""
 
-    name: str
-    host: str
-    pid: int
-    slots: int
-    cpu: str
-    kind: str
-    state: Literal["starting", "ready", "paused"]
+    name: str = Field(description="name of the worker")
+    host: str = Field(description="name of its machine")
+    pid: int = Field(description="process id on its machine")
+    slots: int = Field(description="number of slots, each of which renders one batch at a time")
+    cpu: str = Field(description="model of the processor")
+    kind: str = Field(description="renderer version and processor kind; workers of one kind produce equal samples")
+    state: Literal["starting", "ready", "paused"] = Field(description="whether it takes work")
     message: str | None = Field(description="why it is paused")
-    started: float
-    samples_per_s: float = Field(description="of one slot")
-    current: list[dict[str, Any]]
+    started: float = Field(description="Unix time of its start")
+    samples_per_s: float = Field(description="samples per second of one slot")
+    current: list[dict[str, Any]] = Field(description="what each slot does at present; empty for an idle slot")
     denoises: bool = Field(description="whether it has Open Image Denoise")
     memory_used: int | None = Field(description="bytes used on its machine; null: unknown")
-    memory_total: int | None
+    memory_total: int | None = Field(description="bytes of memory of its machine; null: unknown")
     failures: int = Field(description="batches that failed there since the service started")
     speeds: list[float] = Field(description="samples per second of all slots: means per minute of the last hour, newest last")
     cards: list[CardOut] = Field([], description="graphics cards with which its slots render")
     cards_unused: list[str] = Field([], description="why other graphics cards are not used, a sentence each")
     transport: Literal["redis", "https"] = Field("redis", description="how it reaches the queue; https: through the service")
-    offer: OfferOut | None = Field(description="null: a worker of an older release, which can only be paused and has no tags")
+    offer: OfferOut | None = Field(
+        description="its tags, hours and limits; null: a worker of an older release, which can only be paused"
+    )
 
 
 def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerOut:

@@ -45,15 +45,15 @@ _Id = Annotated[str, PathParameter(max_length=100)]
 class EnvironmentOut(BaseModel):
     """An environment for lighting. environment: the value of a job's field `environment` that selects it."""
 
-    id: str
-    name: str
-    help: str
-    kind: Literal["preset", "image"]
-    environment: dict[str, Any]
+    id: str = Field(description="id of the environment, or name of the preset")
+    name: str = Field(description="name on the page")
+    help: str = Field(description="description in one sentence")
+    kind: Literal["preset", "image"] = Field(description="`preset`, or an uploaded `image`")
+    environment: dict[str, Any] = Field(description="value for a job's field `environment`")
     created: float | None = Field(description="Unix time; null: a preset")
-    bytes: int | None
-    thumbnail: str
-    project: str = Field(default="", description="empty: visible to all users")
+    bytes: int | None = Field(description="size of the file; null: a preset")
+    thumbnail: str = Field(description="URL of a small picture")
+    project: str = Field(default="", description="project of it; empty: visible to all users")
 
 
 @router.get("", response_model=list[EnvironmentOut])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 
 from fastapi import Response
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
@@ -28,12 +28,12 @@ class ExampleOut(BaseModel):
     were opened from it.
     """
 
-    name: str
-    title: str
-    description: str
-    frames: str | None
-    fps: float | None
-    scenes: list[str]
+    name: str = Field(description="name of the example in URLs")
+    title: str = Field(description="name of the example on the page")
+    description: str = Field(description="what it shows, in one sentence")
+    frames: str | None = Field(description="value for the field `frames` of a job; null: a still")
+    fps: float | None = Field(description="value for the field `fps` of a job; null: a still")
+    scenes: list[str] = Field(description="ids of the scenes that were made from it")
 
 
 @router.get("", response_model=list[ExampleOut])

@@ -42,8 +42,8 @@ Ending = Literal["missed", "absorbed", "roulette", "depth", "diffuse", "glossy",
 class LightOut(BaseModel):
     """The point on a light that was chosen at a vertex (next-event estimation)."""
 
-    point: Numbers | None = Field(description="null: infinitely far")
-    direction: Numbers
+    point: Numbers | None = Field(description="point on the light; null: infinitely far")
+    direction: Numbers = Field(description="unit vector from the vertex to the light")
     pdf: float | None = Field(description="probability density of the direction, per steradian")
     weight: float = Field(description="weight of multiple importance sampling against BSDF sampling")
     brought: Numbers = Field(description="radiance that it contributes to the sample if it is not occluded")
@@ -54,22 +54,22 @@ class PathVertexOut(BaseModel):
     """One vertex of a path: what its ray hit, and the light found. Colours are linear Rec.709; positions in world space."""
 
     kind: Literal["surface", "passed", "medium", "missed"] = Field(
-        description="passed: a surface that its alpha let the ray through, or a lamp that is no body; medium: a point in fog, "
+        description="passed: a surface that is transparent by its alpha, or a lamp without a body; medium: a point in fog, "
         "milk or the like, where it was scattered; missed: the environment"
     )
-    object: int | None
-    material: int | None
-    object_name: str | None = None
-    material_name: str | None = None
+    object: int | None = Field(description="number of the object; null: none")
+    material: int | None = Field(description="number of the material; null: none")
+    object_name: str | None = Field(None, description="name of the object; null: none")
+    material_name: str | None = Field(None, description="name of the material; null: none")
     model: str | None = Field(description="scattering model: diffuse, mirror, glass, metallic-roughness, ...")
     bounce: Literal["reflected", "transmitted"] | None = Field(description="side of the surface on which the path continues")
     pdf: float | None = Field(
         description="pdf per steradian of each sampled direction, two if the path splits; null: a delta distribution"
     )
     survival: float | None = Field(description="survival probability of Russian roulette; null: not applied")
-    distance: float | None = Field(description="from the last vertex; null: infinite")
-    point: Numbers | None
-    normal: Numbers | None
+    distance: float | None = Field(description="distance from the last vertex; null: infinite")
+    point: Numbers | None = Field(description="position; null: infinitely far")
+    normal: Numbers | None = Field(description="unit shading normal; null: no surface")
     direction: Numbers = Field(description="direction of the incident ray")
     throughput: Numbers = Field(description="path throughput at this vertex")
     emitted: Numbers = Field(description="radiance that its emission contributes to the sample")
@@ -87,37 +87,41 @@ class PathVertexOut(BaseModel):
 class PathOut(BaseModel):
     """The path of one sample. The sample's value is the sum of `emitted`, `direct` and `beside` of all vertices."""
 
-    chosen: list[Choice]
-    sample: int
+    chosen: list[Choice] = Field(
+        description="why this sample is listed: `asked` for by number, the `first`, the `median` or the `brightest`"
+    )
+    sample: int = Field(description="number of the sample within the pixel, from 0")
     value: list[float] | None = Field(description="value in the film; null: NaN or infinite, and left out")
     end: Ending | None = Field(description="why the path ended")
     time: float = Field(description="time within the shutter interval, 0 to 1")
-    vertices: list[PathVertexOut]
+    vertices: list[PathVertexOut] = Field(description="vertices of the path, from the camera on")
 
 
 class ExplainedOut(BaseModel):
     """Explanation of a pixel's colour: the paths of some of its samples, vertex by vertex."""
 
-    x: int
-    y: int
-    frame: float
+    x: int = Field(description="column of the pixel, from the left")
+    y: int = Field(description="row of the pixel, from the top")
+    frame: float = Field(description="number of the frame; 0 for a still")
     samples: int = Field(description="number of samples that were rendered again, from the first on")
     mean: list[float] | None = Field(description="mean of the finite samples")
     equals_film: bool | None = Field(
         description="whether the sum of the samples equals the film bit by bit; null: the film has other samples, or workers of "
         "another kind rendered it"
     )
-    worker: str | None
-    paths: list[PathOut]
+    worker: str | None = Field(description="name of the worker that traced the paths; null: unknown")
+    paths: list[PathOut] = Field(description="paths of the listed samples")
 
 
 @router.get("/{id}/explain", response_model=ExplainedOut)
 def explain(
     id: str,
     farm: FarmDependency,
-    x: Annotated[int, Query(ge=0)],
-    y: Annotated[int, Query(ge=0)],
-    frame: Annotated[float, Query(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False)] = 0.0,
+    x: Annotated[int, Query(ge=0, description="column of the pixel, from the left")],
+    y: Annotated[int, Query(ge=0, description="row of the pixel, from the top")],
+    frame: Annotated[
+        float, Query(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False, description="number of the frame")
+    ] = 0.0,
     sample: Annotated[int | None, Query(ge=0, lt=MAX_SPP, description="number of another sample to return")] = None,
 ) -> ExplainedOut:
     """Returns the paths of a few of a pixel's samples: the first, one of median luminance, and the brightest of all.

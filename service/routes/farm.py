@@ -41,7 +41,7 @@ router = api_router(prefix="/api/farm", tags=["farm"])
 def join(
     farm: FarmDependency,
     visit: VisitDependency,
-    transport: Annotated[Literal["redis", "https"], Query(description="https: the worker has no access to Redis")] = "redis",
+    transport: Annotated[Literal["redis", "https"], Query(description="`https` for a worker without access to Redis")] = "redis",
 ) -> dict[str, str]:
     """Returns the address of Redis, and data by which a worker on the same machine recognises the service's files.
 
@@ -103,7 +103,10 @@ def keep_blob(sha256: str, farm: FarmDependency) -> Response:
 
 @router.get("/films/{job}/{frame}", response_class=FileResponse)
 def get_means(
-    job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], farm: FarmDependency, ids: bool = False
+    job: str,
+    frame: Annotated[int, PathParameter(ge=0, le=1 << 31)],
+    farm: FarmDependency,
+    ids: Annotated[bool, Query(description="whether the object and material planes follow")] = False,
 ) -> FileResponse:
     """Returns the mean colour, albedo and normal of a frame for a denoiser; layout: protocol.contract.DenoiseFrame.
 

@@ -82,19 +82,19 @@ MIX_HELP = (
 class Pixel(BaseModel):
     """Values of a pixel in the film: means over its samples, scene-linear; positions and normals in world space."""
 
-    x: int
-    y: int
-    samples: int
-    color: list[float]
+    x: int = Field(description="column of the pixel, from the left")
+    y: int = Field(description="row of the pixel, from the top")
+    samples: int = Field(description="number of samples")
+    color: list[float] = Field(description="linear Rec.709")
     error: float | None = Field(description="standard error of the luminance; null: too few samples")
-    albedo: list[float]
-    normal: list[float]
-    depth: float
-    position: list[float]
+    albedo: list[float] = Field(description="linear Rec.709, 0 to 1")
+    normal: list[float] = Field(description="unit vector in world space")
+    depth: float = Field(description="distance from the camera, in the scene's unit")
+    position: list[float] = Field(description="point in world space")
     object: int | None = Field(description="number of the first visible object; null: none")
-    material: int | None
-    object_name: str | None
-    material_name: str | None
+    material: int | None = Field(description="number of the first visible material; null: none")
+    object_name: str | None = Field(description="name of that object; null: none")
+    material_name: str | None = Field(description="name of that material; null: none")
     alpha: float | None = Field(None, description="share of the pixel that is covered; null before a visible background")
     lights: dict[str, list[float]] | None = Field(
         None, description="the light of each light group, and of each light path as path:NAME; null without both"
@@ -104,15 +104,15 @@ class Pixel(BaseModel):
 class Digest(BaseModel):
     """SHA-256 digest of a frame's sums and sample counts."""
 
-    digest: str
-    samples: int
+    digest: str = Field(description="SHA-256 as hexadecimal digits")
+    samples: int = Field(description="samples over all pixels")
 
 
 @router.get("", response_model=list[FrameOut])
 def list_frames(
     id: str,
     farm: FarmDependency,
-    state: FrameState | None = None,
+    state: Annotated[FrameState | None, Query(description="only frames in this state")] = None,
     limit: Annotated[int | None, Query(ge=1, le=MAX_FRAMES, description="greatest number of frames; all by default")] = None,
     offset: Annotated[int, Query(ge=0, le=MAX_FRAMES, description="index of the first frame to return, from 0")] = 0,
 ) -> Response:
@@ -280,7 +280,11 @@ async def film(id: str, n: Number, request: Request, farm: FarmDependency, visit
 
 @router.get("/{n}/pixel", response_model=Pixel)
 async def pixel(
-    id: str, n: Number, farm: FarmDependency, x: Annotated[int, Query(ge=0)], y: Annotated[int, Query(ge=0)]
+    id: str,
+    n: Number,
+    farm: FarmDependency,
+    x: Annotated[int, Query(ge=0, description="column of the pixel, from the left")],
+    y: Annotated[int, Query(ge=0, description="row of the pixel, from the top")],
 ) -> Pixel:
     """Returns the exact values of a pixel and its number of samples. x, y: from the upper left corner."""
     return await anyio.to_thread.run_sync(_pixel, id, n, farm, x, y, limiter=farm.tiles)
@@ -330,7 +334,13 @@ def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
 
 
 @router.get("/{n}/log", response_class=PlainTextResponse)
-def tile_log(id: str, n: Number, farm: FarmDependency, x: Annotated[int, Query(ge=0)], y: Annotated[int, Query(ge=0)]) -> str:
+def tile_log(
+    id: str,
+    n: Number,
+    farm: FarmDependency,
+    x: Annotated[int, Query(ge=0, description="column of the pixel, from the left")],
+    y: Annotated[int, Query(ge=0, description="row of the pixel, from the top")],
+) -> str:
     """Returns the log of the tile with this pixel, one line per batch: worker, samples, duration, and warnings or failure.
 
     Of successful batches, it has only the latest 16 since the service started.

@@ -29,7 +29,7 @@ class HistoryPoint(BaseModel):
 class HistoryEvent(BaseModel):
     """An event in a job's history."""
 
-    at: float = Field(description="unix time")
+    at: float = Field(description="Unix time in seconds")
     kind: str = Field(
         description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed, healed, late, in-time"
     )
@@ -39,8 +39,8 @@ class HistoryEvent(BaseModel):
 class HistoryOut(BaseModel):
     """The history of a job; at most some hundred points and events."""
 
-    points: list[HistoryPoint]
-    events: list[HistoryEvent]
+    points: list[HistoryPoint] = Field(description="samples and noise over time")
+    events: list[HistoryEvent] = Field(description="what happened, in order")
 
 
 @router.get("/{id}/log", response_class=PlainTextResponse)

@@ -9,6 +9,7 @@ from fastapi.exceptions import RequestValidationError
 from pydantic import TypeAdapter, ValidationError
 
 from service.http.farm import FarmDependency
+from service.http.pagination import Offset
 from service.http.routers import api_router
 from service.http.visit import InProject, VisitDependency
 from service.jobs.change import change
@@ -40,18 +41,22 @@ def _filter_from_query(
     visit: VisitDependency,
     project: InProject = None,
     state: Annotated[list[JobState] | None, Query(description="only jobs in one of these states")] = None,
-    scene: Annotated[str | None, Query(max_length=100)] = None,
+    scene: Annotated[str | None, Query(max_length=100, description="only jobs of the scene with this id")] = None,
     search: Annotated[
-        str, Query(max_length=200, description="words that its name, its note or its scene's name has, or the begin of its id")
+        str,
+        Query(
+            max_length=200, description="words in the job's name, its note or its scene's name, or the first characters of its id"
+        ),
     ] = "",
-    shot: Annotated[bool | None, Query(description="true: shots alone; false: stills alone")] = None,
-    ids: Annotated[str, Query(max_length=4000, description="these alone, with commas between them")] = "",
+    shot: Annotated[bool | None, Query(description="true: only shots; false: only stills")] = None,
+    ids: Annotated[str, Query(max_length=4000, description="only jobs with these ids, separated by commas")] = "",
 ) -> JobFilter:
     return JobFilter(
         tuple(state or ()), scene, search_words(search), shot, tuple(id for id in ids.split(",") if id), visit.sight, project
     )
 
 
+Sort = Annotated[Order, Query(description="order of the jobs")]
 Choice = Annotated[JobFilter, Depends(_filter_from_query)]
 
 
@@ -76,9 +81,9 @@ def create_job(
 def list_jobs(
     chosen: Choice,
     farm: FarmDependency,
-    sort: Order = "newest",
-    limit: Annotated[int, Query(ge=1, le=MAX_JOBS)] = 100,
-    offset: Annotated[int, Query(ge=0, le=1 << 31)] = 0,
+    sort: Sort = "newest",
+    limit: Annotated[int, Query(ge=1, le=MAX_JOBS, description="maximum number of jobs")] = 100,
+    offset: Offset = 0,
 ) -> Response:
     """Lists the jobs that match the filter, one page. The header X-Total-Count contains the number of all matching jobs."""
     view = farm.engine.snapshot
@@ -91,7 +96,10 @@ def list_jobs(
 
 @router.get("/ids")
 def list_ids(
-    chosen: Choice, farm: FarmDependency, sort: Order = "newest", limit: Annotated[int, Query(ge=1, le=50_000)] = 50_000
+    chosen: Choice,
+    farm: FarmDependency,
+    sort: Sort = "newest",
+    limit: Annotated[int, Query(ge=1, le=50_000, description="maximum number of ids")] = 50_000,
 ) -> list[str]:
     """Lists only the ids of all jobs that match the filter, without pages."""
     with farm.sessions() as session:

@@ -45,9 +45,9 @@ class LoginIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    name: str = Field("", max_length=64)
-    password: str = Field("", max_length=MAX_LENGTH)
-    link: str = Field("", max_length=MAX_LENGTH)
+    name: str = Field("", max_length=64, description="name of the user")
+    password: str = Field("", max_length=MAX_LENGTH, description="password of the user")
+    link: str = Field("", max_length=MAX_LENGTH, description="code of a login link, in place of name and password")
 
 
 class PasswordIn(BaseModel):
@@ -55,8 +55,8 @@ class PasswordIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    old: str = Field("", max_length=MAX_LENGTH)
-    new: Password
+    old: str = Field("", max_length=MAX_LENGTH, description="present password; required if there is one")
+    new: Password = Field(description="new password")
 
 
 class LogoutOut(BaseModel):
@@ -66,17 +66,17 @@ class LogoutOut(BaseModel):
     login.
     """
 
-    provider: str
+    provider: str = Field(description="URL that ends the session at the OpenID provider; empty: no such session")
 
 
 class SessionOut(BaseModel):
     """The current session. login: whether the farm requires a login. name: the user's name; null without a login."""
 
-    login: bool
-    name: str | None
-    role: str | None
-    kind: str | None = Field(description="session, token, owner; open: this machine is let in without a login")
-    provider: str | None = Field(description="what the OpenID provider is called by which one may log in; null: there is none")
+    login: bool = Field(description="whether the farm requires a login")
+    name: str | None = Field(description="name of the user; null: not logged in")
+    role: str | None = Field(description="role of the user; null: not logged in")
+    kind: str | None = Field(description="`session`, `token` or `owner`; `open`: this machine needs no login")
+    provider: str | None = Field(description="name of the OpenID provider for logging in; null: none")
 
 
 @router.get("/api/session", response_model=SessionOut)

@@ -54,9 +54,11 @@ def finish(
     request: Request,
     farm: FarmDependency,
     visit: VisitDependency,
-    state: Annotated[str, Query(max_length=MAX_PARAMETER_LENGTH)] = "",
-    code: Annotated[str, Query(max_length=MAX_PARAMETER_LENGTH)] = "",
-    error: Annotated[str, Query(max_length=MAX_PARAMETER_LENGTH)] = "",
+    state: Annotated[
+        str, Query(max_length=MAX_PARAMETER_LENGTH, description="state of the login that the provider returns")
+    ] = "",
+    code: Annotated[str, Query(max_length=MAX_PARAMETER_LENGTH, description="authorization code from the provider")] = "",
+    error: Annotated[str, Query(max_length=MAX_PARAMETER_LENGTH, description="error code from the provider")] = "",
 ) -> RedirectResponse:
     """Completes the login when the provider redirects the browser here: sets the session cookie and redirects to the page."""
     access, oidc = farm.access, _oidc(farm)

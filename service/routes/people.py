@@ -33,9 +33,9 @@ class UserIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    name: Name
-    role: RoleName = "submit"
-    password: Password = None
+    name: Name = Field(description="name of the user")
+    role: RoleName = Field("submit", description="what the user may do")
+    password: Password = Field(None, description="null: the user logs in by a login link")
 
 
 class UserChange(BaseModel):
@@ -43,18 +43,18 @@ class UserChange(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    role: RoleName | None = None
-    password: Password = None
+    role: RoleName | None = Field(None, description="new role; null: unchanged")
+    password: Password = Field(None, description="new password; null: unchanged")
 
 
 class UserOut(BaseModel):
     """A user. sessions: number of open browser sessions."""
 
-    name: str
-    role: str
-    has_password: bool
-    created: float
-    sessions: int
+    name: str = Field(description="name of the user")
+    role: str = Field(description="what the user may do")
+    has_password: bool = Field(description="whether the user has a password")
+    created: float = Field(description="Unix time in seconds")
+    sessions: int = Field(description="open browser sessions")
 
 
 class LinkIn(BaseModel):
@@ -62,7 +62,7 @@ class LinkIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    user: Name = OWNER
+    user: Name = Field(OWNER, description="user whom the link logs in; empty: the farm's owner")
 
 
 class LinkOut(BaseModel):
@@ -71,9 +71,9 @@ class LinkOut(BaseModel):
     code: the link's secret, returned only this once.
     """
 
-    user: str
-    code: str
-    expires: float | None
+    user: str = Field(description="user whom the link logs in")
+    code: str = Field(description="code of the link; no later request returns it")
+    expires: float | None = Field(description="Unix time of its end; null: never")
 
 
 class AuditLine(BaseModel):
@@ -81,9 +81,9 @@ class AuditLine(BaseModel):
 
     model_config = ConfigDict(extra="allow")
 
-    at: float
-    who: str
-    what: str
+    at: float = Field(description="Unix time in seconds")
+    who: str = Field(description="user or token that sent the request")
+    what: str = Field(description="the request")
 
 
 @router.get("/api/users", response_model=list[UserOut])
@@ -136,7 +136,9 @@ def make_link(body: LinkIn, farm: FarmDependency) -> LinkOut:
 
 
 @router.get("/api/audit", response_model=list[AuditLine])
-def get_audit(farm: FarmDependency, limit: Annotated[int, Query(ge=1, le=MAX_LINES)] = 100) -> list[dict[str, Any]]:
+def get_audit(
+    farm: FarmDependency, limit: Annotated[int, Query(ge=1, le=MAX_LINES, description="maximum number of entries")] = 100
+) -> list[dict[str, Any]]:
     """Returns the audit log, newest entries first: who did what, and from where."""
     return farm.access.audit.latest(limit)
 

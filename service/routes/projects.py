@@ -22,7 +22,7 @@ class ProjectIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    name: str = Field(min_length=1, max_length=64)
+    name: str = Field(min_length=1, max_length=64, description="name of the project")
 
 
 class MemberIn(BaseModel):
@@ -33,17 +33,17 @@ class MemberIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    role: MemberRole = "submit"
+    role: MemberRole = Field(default="submit", description="role in this project")
 
 
 class ProjectOut(BaseModel):
     """A project visible to you. roles: by member. counts: number of its scenes, jobs, environments and references."""
 
-    name: str
-    created: float
-    members: list[str]
-    roles: dict[str, str]
-    counts: dict[Kind, int]
+    name: str = Field(description="name of the project")
+    created: float = Field(description="Unix time in seconds")
+    members: list[str] = Field(description="names of the members")
+    roles: dict[str, str] = Field(description="role of each member")
+    counts: dict[Kind, int] = Field(description="number of scenes, jobs, environments and references")
 
 
 @router.get("", response_model=list[ProjectOut])

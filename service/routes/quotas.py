@@ -29,23 +29,23 @@ class LimitsIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    bytes: Amount = None
-    jobs: Annotated[int | None, Field(ge=0, le=1 << 30)] = None
-    samples_day: Amount = None
+    bytes: Amount = Field(None, description="bytes of stored scenes and films")
+    jobs: Annotated[int | None, Field(ge=0, le=1 << 30)] = Field(None, description="unfinished jobs at a time")
+    samples_day: Amount = Field(None, description="samples per day")
 
 
 class AllowanceOut(BaseModel):
     """Limits and usage of a user or token. whose: user:NAME or token:ID. used: the present usage."""
 
-    whose: str
-    limits: LimitsIn
-    used: LimitsIn
+    whose: str = Field(description="`user:NAME` or `token:ID`")
+    limits: LimitsIn = Field(description="the limits")
+    used: LimitsIn = Field(description="present usage")
 
 
 class SetAllowanceOut(AllowanceOut):
     """Limits and usage. is_own: whether an administrator has set the limits; otherwise they are the defaults."""
 
-    is_own: bool
+    is_own: bool = Field(description="true: set by an administrator; false: the defaults")
 
 
 @router.get("/api/quota", response_model=list[AllowanceOut])

@@ -45,15 +45,15 @@ Id = Annotated[str, PathParameter(max_length=100)]
 class ReferenceOut(BaseModel):
     """A reference picture, in linear Rec.709. It is stored with an error of at most 0.2 % of a pixel's brightest channel."""
 
-    id: str
-    name: str
-    created: float = Field(description="unix time")
-    bytes: int = Field(description="of the file that was uploaded")
-    width: int
-    height: int
-    display_referred: bool = Field(description="8 bits a channel, decoded by sRGB: tone mapping, if any, is still in it")
-    clipped: int = Field(description="pixels with a value below 0, which became 0, or above 65408, which became that")
-    project: str = Field(default="", description="whose members see it; empty: everybody who is let in")
+    id: str = Field(description="id of the reference")
+    name: str = Field(description="name of the file")
+    created: float = Field(description="Unix time in seconds")
+    bytes: int = Field(description="size of the uploaded file")
+    width: int = Field(description="width in pixels")
+    height: int = Field(description="height in pixels")
+    display_referred: bool = Field(description="true: 8 bits per channel, decoded by sRGB; a tone curve in the file remains")
+    clipped: int = Field(description="pixels with values outside 0 to 65408, which were clipped to that range")
+    project: str = Field(default="", description="project whose members can see it; empty: visible to all users")
 
 
 @router.get("", response_model=list[ReferenceOut])

@@ -25,35 +25,44 @@ MAX_DAYS = 36500.0
 class RetentionIn(Strict):
     """Retention rules. If none is given, the farm's own rules apply (RAYFARM_KEEP_*)."""
 
-    films_days: float | None = Field(None, ge=0, le=MAX_DAYS, description="films of jobs that were over for longer go")
-    films_bytes: int | None = Field(None, ge=0, le=1 << 60, description="films beyond that go, the oldest first")
-    compiled_days: float | None = Field(None, ge=0, le=MAX_DAYS, description="what unused scenes were compiled to goes")
-    uploads_days: float | None = Field(None, ge=0, le=MAX_DAYS, description="scenes that were not used for longer go")
-    dry_run: bool = Field(True, description="only tell")
+    films_days: float | None = Field(
+        None, ge=0, le=MAX_DAYS, description="delete films of jobs that ended more than this many days ago"
+    )
+    films_bytes: int | None = Field(
+        None, ge=0, le=1 << 60, description="delete the oldest films until all films together need at most this many bytes"
+    )
+    compiled_days: float | None = Field(
+        None,
+        ge=0,
+        le=MAX_DAYS,
+        description="delete compiled scenes that were not used for this many days; they can be compiled again",
+    )
+    uploads_days: float | None = Field(None, ge=0, le=MAX_DAYS, description="delete scenes that were not used for this many days")
+    dry_run: bool = Field(True, description="list what would be deleted, without deleting it")
 
 
 class ItemOut(Coded):
     """A film, compiled scene or upload that can be deleted, or was deleted."""
 
-    what: Literal["film", "compiled", "upload"]
-    id: str
-    name: str
-    bytes: int = Field(description="of disk; what scenes share is counted with each")
-    age_s: float
-    why: str
+    what: Literal["film", "compiled", "upload"] = Field(description="kind of the data")
+    id: str = Field(description="id of the job or scene")
+    name: str = Field(description="name of the job or scene")
+    bytes: int = Field(description="bytes on disk; files that scenes share are counted for each of them")
+    age_s: float = Field(description="seconds since its last use")
+    why: str = Field(description="rule by which it can be deleted")
 
 
 class RetentionOut(Coded):
     """Data that can be deleted, or was deleted. Films can be rendered and scenes compiled again; uploads cannot be restored."""
 
     state: Literal["planned", "running", "finished", "failed", "stopped"] = Field(
-        description="planned: nothing is deleted; stopped: the service has ended before all was done"
+        description="`planned`: nothing is deleted; `stopped`: the service ended before the cleanup did"
     )
-    items: list[ItemOut] = Field(description="that may go (planned), or that went so far")
-    bytes: int = Field(description="of these")
-    planned: int | None = Field(description="how many may go; null while they are looked for")
-    done: int = Field(description="of these, looked at so far; some may be needed again by then, and stay")
-    error: str | None = None
+    items: list[ItemOut] = Field(description="what can be deleted (`planned`), or what was deleted so far")
+    bytes: int = Field(description="size of these items on disk")
+    planned: int | None = Field(description="number of items to delete; null while they are searched")
+    done: int = Field(description="number of items checked so far; items in use again are kept")
+    error: str | None = Field(None, description="why the cleanup failed; null: it did not")
 
 
 @router.post("", response_model=RetentionOut, responses={202: {"model": RetentionOut, "description": "It has begun."}})

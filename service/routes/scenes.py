@@ -12,6 +12,7 @@ from renderer.sentences import Sentence
 from service.errors import NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
+from service.http.pagination import Offset
 from service.http.routers import api_router
 from service.http.single_upload import check_length, check_upload_quota
 from service.http.visit import InProject, IntoProject, VisitDependency
@@ -39,31 +40,35 @@ UPLOAD_FORM = {
                     "type": "object",
                     "required": ["files"],
                     "properties": {
-                        "files": {"type": "array", "items": {"type": "string", "format": "binary"}},
-                        "main": {"type": "string", "description": "which of several scene files is meant"},
+                        "files": {
+                            "type": "array",
+                            "items": {"type": "string", "format": "binary"},
+                            "description": "the scene's files, with their folders in the names, or one zip",
+                        },
+                        "main": {"type": "string", "description": "path of the scene file, if there are several"},
                         "environment": {
                             "type": "string",
-                            "description": "an image among the files that lights the scene, or a sky as sky:ELEVATION,AZIMUTH",
+                            "description": "image among the files that lights the scene, or a sky: `sky:ELEVATION,AZIMUTH`",
                         },
                         "up": {
                             "type": "string",
                             "enum": ["auto", "x", "y", "z", "-x", "-y", "-z"],
-                            "description": "which axis of an OBJ, PLY, STL or OFF file is up; auto, the default: a guess",
+                            "description": "up axis of an OBJ, PLY, STL or OFF file; `auto`, the default: guessed",
                         },
                         "floor": {
                             "type": "string",
                             "enum": ["on", "auto", "off"],
-                            "description": "a floor below the scene that takes its shadows; auto: if the file has no light; "
-                            "off: the default",
+                            "description": "a floor below the scene that takes its shadows; `auto`: if the file has no light; "
+                            "`off`: the default",
                         },
-                        "name": {"type": "string"},
+                        "name": {"type": "string", "description": "name of the scene; by default its file's name"},
                         "strict": {
                             "type": "boolean",
-                            "description": "warnings (what the reader guessed, dropped or replaced) fail the scene",
+                            "description": "whether warnings (what the reader guessed, left out or replaced) are errors",
                         },
                         "base": {
                             "type": "string",
-                            "description": "the id of a scene whose files are taken over: only what it lacks is sent",
+                            "description": "id of a scene whose files are added to those that are sent",
                         },
                     },
                 }
@@ -80,7 +85,7 @@ async def upload(
     response: Response,
     visit: VisitDependency,
     project: IntoProject = "",
-    strict: Annotated[bool, Query(description="as the form's field `strict`")] = False,
+    strict: Annotated[bool, Query(description="whether warnings of the scene are errors, as the form's field `strict`")] = False,
 ) -> SceneOut:
     """Uploads a scene: one file, several with their folders in the names, or a zip. The same files always give the same scene.
 
@@ -103,9 +108,11 @@ def list_scenes(
     response: Response,
     visit: VisitDependency,
     project: InProject = None,
-    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
-    offset: Annotated[int, Query(ge=0, le=1 << 31)] = 0,
-    search: Annotated[str, Query(max_length=200, description="words that its name has, or the begin of its id")] = "",
+    limit: Annotated[int, Query(ge=1, le=1000, description="maximum number of scenes")] = 100,
+    offset: Offset = 0,
+    search: Annotated[
+        str, Query(max_length=200, description="words in the scene's name, or the first characters of its id")
+    ] = "",
 ) -> list[SceneOut]:
     """Lists all scenes, or those that match the search, newest first. The header X-Total-Count contains their number."""
     chosen = SceneFilter(visit.sight, project, search)

@@ -13,6 +13,7 @@ from renderer.frames import parse_frames
 from service.access.keys import Share
 from service.access.roles import OWNER, Role
 from service.farm import Farm
+from service.http.curve_name import CurveName
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
 from service.http.share_links import ShareDependency, may_comment
@@ -22,7 +23,7 @@ from service.jobs.lookup import find_job
 from service.models.jobs import JobState
 from service.models.notes import ReviewOut
 from service.routes import frames
-from service.store.models import Key
+from service.store.models import FINAL_STATES, Key
 
 __all__ = ["router"]
 
@@ -31,6 +32,7 @@ router = api_router(prefix="/api", tags=["jobs"])
 DAY_S = 86400.0
 MAX_DAYS = 365
 PAGE = "shared/"
+DENOISE_HELP = "denoised; waits for a worker. While the job renders, the picture is a preview: see `preview` of a job's image"
 
 Permission = Literal["view", "comment"]
 
@@ -40,40 +42,40 @@ class ShareLinkIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    permission: Permission = "view"
-    days: float = Field(7.0, gt=0, le=MAX_DAYS, allow_inf_nan=False)
+    permission: Permission = Field("view", description="`view`: the picture only; `comment`: also notes and a verdict")
+    days: float = Field(7.0, gt=0, le=MAX_DAYS, allow_inf_nan=False, description="lifetime in days")
 
 
 class ShareLinkOut(BaseModel):
     """A link without its secret. user: the user who created it."""
 
-    id: str
-    user: str
-    permission: Permission
-    created: float
-    expires: float | None
+    id: str = Field(description="id of the link, without its secret")
+    user: str = Field(description="user who created the link")
+    permission: Permission = Field(description="`view`: the picture only; `comment`: also notes and a verdict")
+    created: float = Field(description="Unix time in seconds")
+    expires: float | None = Field(description="Unix time of its end; null: never")
 
 
 class NewShareLink(ShareLinkOut):
     """A new link. path: the link's URL relative to the service's root, with the secret; returned only this once."""
 
-    path: str
+    path: str = Field(description="URL relative to the service's root, with the secret; no later request returns it")
 
 
 class SharedJob(BaseModel):
     """The properties of a job that a link shows."""
 
-    name: str
-    state: JobState
-    progress: float
-    width: int | None
-    height: int | None
-    samples: int = Field(description="in the film, all pixels of all frames together")
-    samples_per_pixel: int | None = Field(description="null: until a noise level or a time is reached")
-    frames: list[float] = Field(description="numbers of the frames; of a still one")
-    expires: float | None = Field(description="when the link expires")
+    name: str = Field(description="name of the job")
+    state: JobState = Field(description="state of the job")
+    progress: float = Field(description="0 to 1")
+    width: int | None = Field(description="picture width in pixels")
+    height: int | None = Field(description="picture height in pixels")
+    samples: int = Field(description="samples in the film, over all pixels and frames")
+    samples_per_pixel: int | None = Field(description="goal: samples per pixel; null: the goal is a noise level or a time")
+    frames: list[float] = Field(description="numbers of the frames; a still has one")
+    expires: float | None = Field(description="Unix time of the link's end")
     may_comment: bool = Field(description="whether the link allows notes and a verdict")
-    review: ReviewOut | None = Field(description="null: there is none, or the link only shows the picture")
+    review: ReviewOut | None = Field(description="verdict and counts of notes; null: none, or the link only shows the picture")
 
 
 @router.get("/jobs/{id}/links", response_model=list[ShareLinkOut])
@@ -117,11 +119,22 @@ async def get_shared_image(
     farm: FarmDependency,
     visit: VisitDependency,
     frame: Annotated[float, Query(allow_inf_nan=False, description="number of the frame")] = 0.0,
+    denoise: Annotated[bool, Query(description=DENOISE_HELP)] = False,
+    exposure: Annotated[float, Query(ge=-32, le=32, allow_inf_nan=False, description="stops")] = 0.0,
+    tonemap_curve: CurveName = "neutral",
+    mix: Annotated[str, Query(max_length=4000, description=frames.MIX_HELP)] = "",
 ) -> Response:
     """Returns the picture, as rendered so far, of the job that a link shows. The link's secret is sent as the bearer token."""
     job = await run_in_threadpool(_shared_job, share, farm)
     number = frame if frame in job.frames else job.frames[0]
-    answer = await frames.image(share.job, number, extension, request, farm, visit)
+    answer = await frames.image(
+        *(share.job, number, extension, request, farm, visit),
+        denoise=denoise,
+        preview=denoise and job.state not in FINAL_STATES,
+        exposure=exposure,
+        tonemap_curve=tonemap_curve,
+        mix=mix,
+    )
     answer.headers["Cache-Control"] = "no-store"
     return answer
 

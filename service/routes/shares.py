@@ -31,24 +31,26 @@ router = api_router(prefix="/api/shares", tags=["shares"])
 
 SHARE = re.compile(rf"{EVERYBODY}|(?:user|project):{NAME.pattern}")
 
-Share = Annotated[str, Path(max_length=80, description=f"{EVERYBODY}: of jobs that are nobody's; else user:NAME or project:NAME")]
+Share = Annotated[str, Path(max_length=80, description=f"`{EVERYBODY}` (jobs without an owner), `user:NAME` or `project:NAME`")]
 
 
 class ShareIn(Strict):
     """New weight and maximum number of slots of a share."""
 
     weight: float = Field(1.0, ge=1e-3, le=1e6, allow_inf_nan=False, description="slots are shared in proportion to it")
-    max_slots: int | None = Field(None, ge=1, le=1_000_000, description="at most, of all its jobs at a time; null: no limit")
+    max_slots: int | None = Field(
+        None, ge=1, le=1_000_000, description="maximum number of slots for all its jobs at a time; null: no limit"
+    )
 
 
 class ShareOut(BaseModel):
     """A share of the farm's slots, which belongs to a user, to a project, or to all jobs without an owner."""
 
-    share: str
-    weight: float
-    max_slots: int | None
-    slots: int = Field(description="that work on its jobs now")
-    jobs: int = Field(description="that are not over")
+    share: str = Field(description="`everybody` (jobs without an owner), `user:NAME` or `project:NAME`")
+    weight: float = Field(description="slots are shared in proportion to it")
+    max_slots: int | None = Field(description="maximum number of slots at a time; null: no limit")
+    slots: int = Field(description="slots that work on its jobs at present")
+    jobs: int = Field(description="unfinished jobs")
 
 
 @router.get("", response_model=list[ShareOut])

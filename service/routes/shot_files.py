@@ -42,7 +42,7 @@ router = api_router(prefix="/api/jobs/{id}", tags=["frames"])
 
 CHECK_EVERY_S = 1.0
 DEFAULT_FPS = 24.0
-Frames = Annotated[str | None, Query(max_length=2000, description="these alone, as 10-20 or 7,9")]
+Frames = Annotated[str | None, Query(max_length=2000, description="only these frames, such as 10-20 or 7,9")]
 Exposure = Annotated[float, Query(ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg")]
 
 
@@ -52,8 +52,8 @@ async def frames_zip(
     request: Request,
     farm: FarmDependency,
     visit: VisitDependency,
-    format: Literal["exr", "png", "jpg"] = "exr",
-    which: Literal["finished", "all", "coming"] = "finished",
+    format: Annotated[Literal["exr", "png", "jpg"], Query(description="format of the pictures")] = "exr",
+    which: Annotated[Literal["finished", "all", "coming"], Query(description="which frames: see above")] = "finished",
     frames: Frames = None,
     aov: Annotated[str, Query(max_length=200, description="for exr: layers beside the colour, as normal,depth or all")] = "color",
     exposure: Exposure = 0.0,
@@ -100,7 +100,9 @@ async def get_movie(
     visit: VisitDependency,
     extension: Literal["mp4", "webm", "webp"],
     frames: Frames = None,
-    fps: Annotated[float | None, Query(ge=1, le=240, allow_inf_nan=False, description="the shot's unless told")] = None,
+    fps: Annotated[
+        float | None, Query(ge=1, le=240, allow_inf_nan=False, description="frames per second; by default those of the shot")
+    ] = None,
     width: Annotated[int | None, Query(ge=16, description="a smaller film, at least this wide")] = None,
     exposure: Exposure = 0.0,
     tonemap_curve: CurveName = "neutral",

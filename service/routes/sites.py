@@ -18,15 +18,15 @@ router = api_router(prefix="/api/sites", tags=["workers"])
 class SiteOut(BaseModel):
     """A site's reducer, with its counts since its start, as the reducer reports them."""
 
-    name: str
-    host: str
-    started: float
-    workers: list[str] = Field(description="those of the site, by name")
-    results: int = Field(description="that its workers have sent it")
-    sent: int = Field(description="results that became of them")
-    bytes_in: int
-    bytes_out: int
-    batches_waiting: int = Field(description="whose sums it has and has not sent")
+    name: str = Field(description="name of the site")
+    host: str = Field(description="name of its machine")
+    started: float = Field(description="Unix time of its start")
+    workers: list[str] = Field(description="names of the site's workers")
+    results: int = Field(description="results received from its workers")
+    sent: int = Field(description="summed results sent to the farm")
+    bytes_in: int = Field(description="bytes received from its workers")
+    bytes_out: int = Field(description="bytes sent to the farm")
+    batches_waiting: int = Field(description="batches that are summed but not sent yet")
 
 
 @router.get("", response_model=list[SiteOut])

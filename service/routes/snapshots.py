@@ -33,7 +33,7 @@ router = api_router(prefix="/api/jobs/{id}/snapshots", tags=["snapshots"])
 
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
 FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}
-Spp = Annotated[int, Path(ge=1, le=1 << 31, description="samples a pixel: one of those that are listed")]
+Spp = Annotated[int, Path(ge=1, le=1 << 31, description="samples per pixel of a stored snapshot")]
 
 
 class SnapshotOut(BaseModel):
@@ -42,13 +42,13 @@ class SnapshotOut(BaseModel):
     It has only colour, as RGB9E5.
     """
 
-    spp: int
-    least: int = Field(description="samples a pixel of the tile that had fewest then")
-    most: int = Field(description="and of the one that had most")
-    samples: int = Field(description="of all pixels together")
-    seconds: float = Field(description="of rendering until then, pauses left out")
-    noise: float | None = Field(description="relative, as the job's was then; null where it was not known yet")
-    created: float = Field(description="unix time")
+    spp: int = Field(description="samples per pixel")
+    least: int = Field(description="samples per pixel of the tile with the fewest")
+    most: int = Field(description="samples per pixel of the tile with the most")
+    samples: int = Field(description="samples over all pixels")
+    seconds: float = Field(description="seconds of rendering until then, without pauses")
+    noise: float | None = Field(description="relative noise of the job then; null: not known yet")
+    created: float = Field(description="Unix time in seconds")
 
 
 @router.get("", response_model=list[SnapshotOut])

@@ -36,27 +36,29 @@ class TokenIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    name: str = Field(min_length=1, max_length=100)
-    role: Scope = "submit"
-    days: float | None = Field(90.0, gt=0, le=MAX_DAYS, allow_inf_nan=False)
+    name: str = Field(min_length=1, max_length=100, description="purpose of the token")
+    role: Scope = Field("submit", description="what the token permits")
+    days: float | None = Field(
+        90.0, gt=0, le=MAX_DAYS, allow_inf_nan=False, description="lifetime in days; null: until the token is revoked"
+    )
 
 
 class TokenOut(BaseModel):
     """A token without its secret. seen: time of its last use, accurate to some minutes."""
 
-    id: str
-    name: str
-    role: str
-    user: str
-    created: float
-    expires: float | None
-    seen: float | None
+    id: str = Field(description="id of the token, without its secret")
+    name: str = Field(description="purpose of the token")
+    role: str = Field(description="what the token permits")
+    user: str = Field(description="user to whom the token belongs")
+    created: float = Field(description="Unix time in seconds")
+    expires: float | None = Field(description="Unix time of its end; null: never")
+    seen: float | None = Field(description="Unix time of its last use, accurate to some minutes; null: not used yet")
 
 
 class NewToken(TokenOut):
     """A new token. secret: the token's secret, returned only this once."""
 
-    secret: str
+    secret: str = Field(description="the token itself; no later request returns it")
 
 
 @router.get("", response_model=list[TokenOut])
@@ -64,7 +66,7 @@ def list_tokens(
     visit: VisitDependency,
     farm: FarmDependency,
     page: PageDependency,
-    everybody: Annotated[bool, Query(alias="all", description="for administrators: everybody's")] = False,
+    everybody: Annotated[bool, Query(alias="all", description="administrators: list the tokens of all users")] = False,
 ) -> list[TokenOut]:
     """Lists your tokens, newest first; for administrators also worker tokens. The header X-Total-Count contains their number."""
     caller = _require_caller(visit.caller)

@@ -6,13 +6,18 @@ import { language, moment, words } from "./words.js";
 const EVERY_MS = 3000;
 /** How often the link of a picture that no longer changes is checked. */
 const VALID_MS = 15_000;
+/** After so long, a picture with its noise is shown until the denoised one has come. */
+const NOISE_AFTER_MS = 5000;
+const LOOK = ["denoise", "exposure", "tonemap", "mix"];
 const OPEN = ["queued", "running", "paused"];
 
 document.documentElement.lang = language;
 
 const part = (id) => document.getElementById(id);
 const [picture, message, slider, save] = ["picture", "message", "frame", "save"].map(part);
-const secret = location.hash.slice(1);
+const [secret, query = ""] = location.hash.slice(1).split("?");
+/** The look that the link's creator saw, as parameters of the service. */
+const look = new URLSearchParams([...new URLSearchParams(query)].filter(([name]) => LOOK.includes(name)));
 /** @param {string} path @param {{method: string, body: unknown}} [change] */
 const ask = (path, { method, body } = { method: "GET", body: undefined }) =>
   fetch(path, {
@@ -25,8 +30,11 @@ const ask = (path, { method, body } = { method: "GET", body: undefined }) =>
 
 let job = null;
 let shown = "";
+/** Version of the denoised picture that is awaited; "": none. */
+let denoising = "";
 let timer = 0;
 let isAsking = false;
+let isGone = false;
 /** Null until the link is known to allow notes. */
 let notes = null;
 const shownFrame = () => job.frames[Number(slider.value)] ?? job.frames[0];
@@ -37,14 +45,35 @@ function say(text) {
 }
 
 async function showPicture() {
-  const frame = shownFrame();
-  const version = `${frame} ${job.samples}`;
   if (!job.samples) return say(words.none);
-  if (version === shown) return;
-  const answer = await ask(`/api/shared/image.png?frame=${frame}`);
+  const [frame, version] = [shownFrame(), pictureVersion()];
+  if (version === shown || version === denoising) return;
+  if (!look.has("denoise")) return showAnswer(await ask(imagePath(frame)), version);
+  denoising = version;
+  const denoised = ask(imagePath(frame)).then((answer) => (answer.ok ? showAnswer(answer, version) : Promise.reject(answer)));
+  const isHere = await Promise.race([denoised.then(() => true, () => false), new Promise((resolve) => setTimeout(resolve, NOISE_AFTER_MS, false))]);
+  denoised.catch(() => {}).finally(() => denoising === version && (denoising = ""));
+  if (!isHere && picture.hidden) await showAnswer(await ask(imagePath(frame, true)), version);
+}
+
+/** What changes when another picture is to be shown. */
+const pictureVersion = () => `${shownFrame()} ${job.samples}`;
+
+/** @param {number} frame @param {boolean} [isRaw] whether it has its noise although the link asks for the denoised picture */
+function imagePath(frame, isRaw = false) {
+  const wish = new URLSearchParams(look);
+  wish.set("frame", String(frame));
+  if (isRaw) wish.delete("denoise");
+  return `/api/shared/image.png?${wish}`;
+}
+
+/** @param {Response} answer @param {string} version of the picture, which may be of an earlier frame by now */
+async function showAnswer(answer, version) {
   if (answer.status === 409) return say(words.none); // a frame without samples
   if (!answer.ok) throw new Error(String(answer.status));
-  const url = URL.createObjectURL(await answer.blob());
+  const blob = await answer.blob();
+  if (!job || version.split(" ")[0] !== String(shownFrame()) || isGone) return;
+  const url = URL.createObjectURL(blob);
   URL.revokeObjectURL(picture.src);
   shown = version;
   picture.src = url;
@@ -92,6 +121,7 @@ async function refresh() {
       picture.hidden = save.hidden = part("frames").hidden = part("notes").hidden = part("pins").hidden = true;
       document.body.classList.remove("with-notes");
       for (const name of ["state", "facts"]) part(name).textContent = "";
+      isGone = true;
       return say(words.gone);
     }
     if (!answer.ok) throw new Error(String(answer.status));

@@ -96,8 +96,10 @@ def test_job_with_denoise_is_shown_and_saved_denoised(farm: Farm, watched: Watch
         page.get_by_role("button", name="Render").click()
     assert sent.value.post_data_json["denoise"] is True
     expect(page.locator(".channel-tag.right")).to_have_text("Denoised", timeout=120_000)
-    page.get_by_role("button", name="Save", exact=True).click()
-    expect(page.get_by_role("tab", name="Save")).to_have_attribute("aria-selected", "true")
+    with page.expect_download(timeout=120_000) as download:
+        page.get_by_role("button", name="Save", exact=True).click()
+    assert download.value.suggested_filename == "Cornell-box-8spp-denoised.png"
+    page.get_by_role("tab", name="Save").click()
     expect(page.get_by_role("switch", name="Denoised")).to_be_checked()
     expect(page.get_by_role("link", name="PNG, denoised")).to_be_visible()
     assert watched.errors == []

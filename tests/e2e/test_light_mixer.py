@@ -80,6 +80,10 @@ def test_muted_groups_leave_the_others_and_the_mix_is_saved(farm: Farm, lit: str
     assert_screen(page, wanted["fill"], "without the key light")
     expect(page).to_have_url(re.compile(r"mix=key%3A%3A%3Am|mix=key:::m"))
 
+    page.get_by_role("tab", name="View").click()
+    expect(page.get_by_text("A light mix cannot be denoised")).to_have_count(1)
+    page.get_by_role("tab", name="Lights").click()
+
     # Saved files are made by the service from the exact sums.
     png = np.asarray(Image.open(saved(page, "PNG")).convert("RGB")).astype(int)
     exact = read_exr(f"{image}.exr?aov=light:fill", tmp_path) + read_exr(f"{image}.exr?aov=light:rest", tmp_path)

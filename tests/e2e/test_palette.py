@@ -42,6 +42,13 @@ def test_palette_finds_pages_scenes_and_jobs(many: Service, watched: Watched) ->
     expect(page).to_have_url(re.compile(r"#/jobs/\w+"))
 
     keys.press("Control+k")
+    keys.type("cor")
+    expect(page.get_by_role("group", name="Examples").get_by_role("option", name="Cornell box", exact=True)).to_be_visible()
+    field.fill("layouts the page")
+    expect(page.get_by_role("group", name="Guides").get_by_role("option").first).to_be_visible()
+    keys.press("Escape")
+
+    keys.press("Control+k")
     keys.type("no such thing")
     expect(page.get_by_text("Nothing found")).to_be_visible()
     keys.press("Escape")

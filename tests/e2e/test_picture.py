@@ -77,10 +77,13 @@ def test_finished_picture_is_shown_at_once(farm: Farm, finished: str, watched: W
     page.mouse.move(5, 5)
     assert_shows(page, read_exr(f"{farm.url}/api/jobs/{finished}/frames/0/image.exr", tmp_path), 0, "neutral")
     assert asked == ["0/film"], "the JPEG is the list's"
-    page.get_by_role("tab", name="Save").click()
     with page.expect_download() as download:
-        page.get_by_role("link", name="EXR", exact=True).click()
-    assert download.value.suggested_filename == "Spheres-8spp.exr", "what people call it"
+        page.get_by_role("button", name="Save", exact=True).click()
+    assert download.value.suggested_filename == "Spheres-8spp.png", "what people call it"
+    page.get_by_role("button", name="Other formats").click()
+    with page.expect_download() as download:
+        page.get_by_role("menuitem", name="EXR").click()
+    assert download.value.suggested_filename == "Spheres-8spp.exr"
     have = [json.loads(text) for text in said if "have" in text]
     assert have == [{"have": [8] * 6}], "the service knows what is here"
     assert tiles == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from urllib.parse import parse_qs, urlsplit
 
 import httpx
 import pytest
@@ -71,6 +72,8 @@ def new_link(page: Page, service: Service, permission: str) -> str:
 
 
 def test_share_link_is_created_opened_and_revoked(browser: Browser, studio: Studio, anna: Page, watched: Watched) -> None:
+    expect(anna.locator(".stage")).to_have_attribute("data-film", "here")
+    anna.keyboard.press("e")
     address = new_link(anna, studio.service, "View only")
     context = browser.new_context()
     guest = context.new_page()
@@ -82,6 +85,8 @@ def test_share_link_is_created_opened_and_revoked(browser: Browser, studio: Stud
     expect(guest.get_by_role("img", name="The cover")).to_be_visible()
     expect(guest.get_by_role("link", name="Save PNG")).to_have_attribute("download", "The cover.png")
     expect(guest.get_by_role("heading", name="Notes")).to_be_hidden()
+    (picture,) = {url for url in requested if "/shared/image.png" in url}
+    assert parse_qs(urlsplit(picture).query) == {"exposure": ["0.5"], "frame": ["0"]}, "the guest sees what anna saw"
     assert not [url for url in requested if "rayfarm-share-" in url.partition("#")[0]], "the secret is never in a URL"
 
     share = anna.get_by_role("region", name="Share")

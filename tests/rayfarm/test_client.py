@@ -231,6 +231,8 @@ def farm_that(state: str, picture: bytes = b"", uploads: list[bytes] | None = No
             if uploads is not None:
                 uploads.append(request)
             return json_answer(OLD["scene"])
+        if b"/api/workers" in request:
+            return json_answer([OLD["worker"]])
         if b"/image." in request:
             return http_answer(picture, "image/png").replace(b"Connection", b"X-Samples: 12\r\nConnection")
         return json_answer(OLD["job"] | {"state": state, "error": "The disk is full.", "message": "Waits for a worker."})
@@ -246,6 +248,30 @@ def test_picture_is_downloaded_completely(capsys: pytest.CaptureFixture[str], tm
     assert code == 0, err
     assert output.read_bytes() == b"\x89PNG..."
     assert list(tmp_path.iterdir()) == [output]
+
+
+@pytest.mark.parametrize(
+    ("denoises", "more", "is_shown"), [(True, (), True), (False, (), False), (True, ("--frames=0-1",), False)]
+)
+def test_still_is_shown_denoised_where_a_worker_denoises(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, denoises: bool, more: tuple[str, ...], is_shown: bool
+) -> None:
+    submitted = []
+
+    def answer(request: bytes) -> bytes:
+        return (
+            json_answer([OLD["worker"] | {"denoises": denoises}]) if b"/api/workers" in request else farm_that("running")(request)
+        )
+
+    def submit(self: Client, scene: str, **asked: Any) -> Job:
+        submitted.append(asked)
+        return read(Job, OLD["job"])
+
+    monkeypatch.setattr(Client, "submit", submit)
+    with foreign_server(answer) as port:
+        code, _, err = command(capsys, "submit", CORNELL, *more, f"--server=127.0.0.1:{port}")
+    assert code == 0, err
+    assert [asked.get("denoise", False) for asked in submitted] == [is_shown]
 
 
 def test_failed_job_prints_its_error(capsys: pytest.CaptureFixture[str]) -> None:

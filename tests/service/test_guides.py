@@ -138,9 +138,23 @@ def test_links_and_anchors_follow_github() -> None:
     title, contents, body = render_guide(text, {"api": "REST API"})
     assert title == "A &amp; B"
     assert contents.count("<li>") == 2
-    assert '<a href="api#send-it">x</a> <a href="api">REST API</a> <a>y</a> <a href="https://example.org">z</a>' in body
+    assert '<a href="api#send-it">x</a> <a href="api">REST API</a> y <a href="https://example.org">z</a>' in body
     assert '<h2 id="what-it-does">' in body
     assert '<h2 id="what-it-does-1">' in body
+
+
+@pytest.mark.parametrize("path", [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("??/*.md")], ids=lambda path: path.stem)
+def test_text_of_links_to_files_that_are_not_served_is_their_path(path: Path) -> None:
+    """Such a link is plain text on the farm's page, so the text has to say where the file is."""
+    for words, target in re.findall(r"\[([^\]]+)\]\(([^)\s]+)\)", path.read_text(encoding="utf-8")):
+        linked = target.partition("#")[0]
+        if "://" in target or not linked or linked.removeprefix("../").removesuffix(".md") in NAMES:
+            continue
+        file = (path.parent / linked).resolve()
+        assert file.exists(), target
+        if "pictures" not in linked.split("/"):
+            said = words.strip("`")
+            assert words == f"`{said}`" and file.relative_to(ROOT).as_posix().endswith(said), f"{words} does not name {target}"
 
 
 def test_numbers_of_a_table_are_aligned_without_inline_styles() -> None:

@@ -43,6 +43,27 @@ def test_parameters_of_routes_have_plain_defaults() -> None:
     assert not wrong, "write name: Annotated[TYPE, Query(...)] = DEFAULT"
 
 
+def test_fields_and_query_parameters_have_descriptions() -> None:
+    """Each field of a model and each query parameter has a description, which the page /docs shows beside its type."""
+    document = create_app(Settings()).openapi()
+    models = {name: model.get("properties", {}) for name, model in document["components"]["schemas"].items()}
+    assert sum(map(len, models.values())) > 400
+    without = [f"{name}.{field}" for name, fields in models.items() for field, schema in fields.items() if not _text(schema)]
+    for path, operations in document["paths"].items():
+        for method, operation in operations.items():
+            parameters = [each for each in operation.get("parameters", []) if each["in"] != "path"]
+            without += [f"{method.upper()} {path} {each['name']}" for each in parameters if not _text(each)]
+            forms = [
+                each["schema"].get("properties", {}) for each in operation.get("requestBody", {}).get("content", {}).values()
+            ]
+            without += [f"{method.upper()} {path} {name}" for form in forms for name, each in form.items() if not _text(each)]
+    assert not without
+
+
+def _text(described: Json) -> str:
+    return str(described.get("description", "")).strip()
+
+
 def _functions(dependant: Dependant | None) -> Iterator[Callable[..., Any]]:
     """Yields the functions of a route and of what it depends on."""
     if dependant is not None and dependant.call is not None:

@@ -10,6 +10,7 @@ import { UPLOAD_LIKELY, acceptDrops } from "./shell/drops.js";
 import { showHelp } from "./shell/help-dialog.js";
 import { isOutdated } from "./shell/missing-view.js";
 import { notifyOfEndedJobs } from "./shell/notify.js";
+import { followFrame } from "./shell/layouts.js";
 import { PALETTE_KEYS, listenForPalette, showPalette } from "./shell/palette.js";
 import { here } from "./shell/router.js";
 import { followScroll } from "./shell/scroll-memory.js";
@@ -26,6 +27,7 @@ function start() {
   offer(document.documentElement, chosenProject());
   document.documentElement.classList.toggle("is-admin", may("admin"));
   const markSection = buildShell(NAV);
+  followFrame();
   followScroll();
   showViews(main, markSection);
   addShortcuts([

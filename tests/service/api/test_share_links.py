@@ -38,6 +38,12 @@ def test_share_link_shows_job_without_account(people: People) -> None:  # noqa: 
         assert picture.headers["cache-control"] == "no-store"
         own = people.anna.get(f"/api/jobs/{people.ids['job']}/frames/0/image.png").content
         assert Image.open(io.BytesIO(picture.content)).tobytes() == Image.open(io.BytesIO(own)).tobytes()
+        query = {"exposure": 2, "tonemap": "srgb"}
+        brighter = guest.get("/api/shared/image.png", params=query).raise_for_status().content
+        own = people.anna.get(f"/api/jobs/{people.ids['job']}/frames/0/image.png", params=query).content
+        assert Image.open(io.BytesIO(brighter)).tobytes() == Image.open(io.BytesIO(own)).tobytes()
+        assert guest.get("/api/shared/image.png", params={"exposure": 99}).status_code == 422
+        assert guest.get("/api/shared/image.png", params={"mix": "no-such-group:2"}).status_code == 422
     page = httpx.get(f"{people.service.url}/shared/", verify=False)
     assert "share.js" in page.text
 

@@ -5,6 +5,8 @@
 
 /** @typedef {ReturnType<import("./film.js").Film["brightness"]>} Brightness */
 
+/** How dark a film is: its brightest radiance, and the stops that make this white. @typedef {{brightest: number, exposure: number}} Darkness */
+
 /** Fraction of white below which a picture looks black. */
 const DARK = 0.01;
 /** Key of a well exposed picture, a little above a grey card's. */
@@ -12,12 +14,7 @@ const KEY = 0.22;
 /** Radiance that the brightest tenth gets at most; and the stops that it must be over that for a picture to be made darker. */
 const [HIGH, OVER] = [0.8, 1];
 
-/**
- * Returns how dark a film is: its brightest radiance, and the stops that make this white; null if it is bright enough, or black.
- *
- * @param {Brightness} film
- * @returns {{brightest: number, exposure: number} | null}
- */
+/** Returns how dark a film is; null if it is bright enough, or exactly black (Film.isBlack). @param {Brightness} film @returns {Darkness | null} */
 export function darkness({ white }) {
   if (white <= 0 || white >= DARK) return null;
   return { brightest: white, exposure: Math.floor(-2 * Math.log2(white)) / 2 };

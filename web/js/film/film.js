@@ -8,6 +8,8 @@ import { decode } from "./rgb9e5.js";
 const BRIGHTNESS_PIXELS = 25_000;
 /** The brightest 0.5 % (lamps, fireflies) may clip. The brightest 3 % are lit surfaces where there is sun, the brightest tenth a window or a sky. */
 const [WHITE_QUANTILE, BRIGHT_QUANTILE, HIGH_QUANTILE] = [0.995, 0.97, 0.9];
+/** Place of an RGB9E5 word's exponent, which is 0 for colours below 2^-15. */
+const EXPONENT_SHIFT = 27;
 /** Luminance, as a fraction of the HIGH_QUANTILE, below which a pixel is background or deep shadow and does not count in the key. */
 const SHADOW = 2 ** -8;
 
@@ -148,6 +150,12 @@ export class Film {
     const lit = luminances.filter((each) => each > SHADOW * top).map((each) => Math.log(Math.min(each, top)));
     const key = top > 0 ? Math.exp(lit.reduce((sum, each) => sum + each, 0) / lit.length) : 0;
     return { white: white ?? 0, bright: bright ?? 0, high: high ?? 0, key };
+  }
+
+  /** Whether every pixel has samples, and all are black: exactly so, but for a few in which a denoiser leaves less than 2^-15. */
+  isBlack() {
+    const isFaint = (/** @type {number} */ word, /** @type {number} */ i) => word >>> EXPONENT_SHIFT === 0 && (this.samples[i] ?? 0) > 0;
+    return !this.isPartial && this.words.every(isFaint) && this.brightness().white === 0;
   }
 
   /**

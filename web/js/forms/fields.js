@@ -31,6 +31,13 @@ export function field(label, control, hint) {
   return element;
 }
 
+/** Explains a field in a tooltip, which screen readers read out with its control. @param {HTMLElement} element @param {HTMLElement} control @param {string} help */
+export function setTip(element, control, help) {
+  element.title = help;
+  if (help) control.setAttribute("aria-description", help);
+  else control.removeAttribute("aria-description");
+}
+
 /**
  * Shows validation errors below the fields instead of the browser's bubble, until they are fixed.
  *
@@ -77,7 +84,7 @@ export function setShown(element, shown) {
 }
 
 /**
- * A choice with an explanation of the selected option below.
+ * A choice with an explanation of the selected option as its tooltip.
  *
  * @param {string} label
  * @param {import("../base/types.js").Choice[]} choices
@@ -90,9 +97,8 @@ export function choiceField(label, choices, start, changed) {
     null,
     choices.map(({ name, label }) => h("option", { value: name }, label)),
   );
-  const element = field(label, select, " ");
-  const hint = /** @type {HTMLElement} */ (element.lastElementChild);
-  const show = () => setText(hint, choices.find(({ name }) => name === select.value)?.help ?? "");
+  const element = field(label, select);
+  const show = () => setTip(element, select, choices.find(({ name }) => name === select.value)?.help ?? "");
   select.addEventListener("change", () => (show(), changed?.()));
   /** @param {string} value */
   const set = (value) => {

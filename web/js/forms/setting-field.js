@@ -1,6 +1,6 @@
 /** The field of one setting: a choice, names, a number, or a grey for a colour. */
 
-import { choiceField, field, freshId, numberInput } from "./fields.js";
+import { choiceField, field, freshId, numberInput, setTip } from "./fields.js";
 import { addReset } from "./reset.js";
 import { h } from "../base/dom.js";
 import { addSlider } from "./slider.js";
@@ -34,19 +34,25 @@ export function settingField(setting, start, changed, own = setting.default) {
   }
   if (setting.type === "names") {
     const input = h("input", { type: "text", value: start ?? "", spellcheck: "false", autocomplete: "off", placeholder: t("none") });
-    const element = field(setting.label, input, setting.help);
+    const element = withTip(field(setting.label, input), input, setting);
     addReset(element, input, own ?? "");
     return { setting, element, get: () => input.value.trim() };
   }
   const isColour = Array.isArray(setting.default);
   const input = numberFor(setting, isColour ? start[0] : start);
   if (changed) input.addEventListener("input", changed);
-  const element = field(labelOf(setting), input, setting.help);
+  const element = withTip(field(labelOf(setting), input), input, setting);
   addSlider(setting, input);
   addReset(element, input, numberFor(setting, isColour ? own[0] : own).value);
   // A grey, unless the scene's colour is unchanged.
   const grey = () => (input.valueAsNumber === start[0] ? start : Array(3).fill(input.valueAsNumber));
   return { setting, element, get: isColour ? grey : () => numberIn(setting, input) };
+}
+
+/** @param {HTMLElement} element @param {HTMLElement} input @param {Setting} setting */
+function withTip(element, input, { help }) {
+  setTip(element, input, help);
+  return element;
 }
 
 /**

@@ -2,6 +2,7 @@
 
 import { h, setText } from "../base/dom.js";
 import { segments } from "../forms/fields.js";
+import { isMixed } from "../film/light-mix.js";
 import { icon } from "../base/icons.js";
 import { progressBar } from "../shell/state-chip.js";
 import { t } from "../base/words.js";
@@ -14,7 +15,7 @@ export const DENOISE_MODES = /** @type {const} */ (["off", "wipe", "on"]);
 /**
  * @param {DisplayStore} display
  * @param {() => void} renew denoises what the film has now
- * @returns {{element: HTMLElement, update: (state: SideState | null) => void}} null: nothing is denoised
+ * @returns {{element: HTMLElement, update: (state: SideState | null) => void, setRendering: (is: boolean) => void}} update: with null if nothing is denoised
  */
 export function denoiseFields(display, renew) {
   const choice = segments(
@@ -26,7 +27,14 @@ export function denoiseFields(display, renew) {
     ],
     (value) => display.update((d) => ({ ...d, denoise: /** @type {typeof d.denoise} */ (value) })),
   );
-  display.subscribe(({ denoise }) => choice.select(denoise));
+  const why = h("p", { class: "quiet small", hidden: true });
+  display.subscribe((look) => {
+    choice.select(look.denoise);
+    const reason = whyNotDenoised(look);
+    for (const radio of choice.element.querySelectorAll("input")) radio.disabled = reason !== "";
+    setText(why, reason);
+    why.hidden = reason === "";
+  });
   const bar = progressBar(t("Denoising"));
   bar.update(null);
   const said = h("p", { class: "small", role: "status", hidden: true });
@@ -36,30 +44,53 @@ export function denoiseFields(display, renew) {
     icon("refresh"),
     t("Denoise again"),
   );
-  const element = h("div", { class: "stack tight", hidden: true }, choice.element, bar.element, said, again);
+  const element = h("div", { class: "stack tight", hidden: true }, choice.element, why, bar.element, said, again);
+  /** @type {SideState | null} */
+  let latest = null;
+  let isRendering = true;
+  const show = () => {
+    const state = latest;
+    const { error, isPreview = false, isLast = false } = state ?? {};
+    bar.element.hidden = !state?.waiting || isPreview;
+    const isImproved = Boolean(isPreview ? isLast && (state?.isImproved || !state?.waiting) : state?.waiting && state.isImproved);
+    const sentence = isPreview && !isLast && isRendering && !error
+      ? t("Renewed when its samples have doubled.")
+      : isImproved && !error
+      ? t("A preview until the final one is ready")
+      : state?.waiting
+      ? t("Denoising …")
+      : error
+        ? t("Not denoised. {error}", { error: error instanceof Error ? error.message : String(error) })
+        : state?.stale
+          ? t("New samples have come since it was denoised.")
+          : "";
+    setText(said, sentence);
+    said.hidden = sentence === "";
+    said.classList.toggle("bad", Boolean(error) && !state?.waiting);
+    again.hidden = !state || state.waiting || !((state.stale && !isPreview) || error);
+  };
   return {
     element,
     update(state) {
-      const { error, isPreview = false, isLast = false } = state ?? {};
-      bar.element.hidden = !state?.waiting || isPreview;
-      const isImproved = Boolean(isPreview ? isLast && (state?.isImproved || !state?.waiting) : state?.waiting && state.isImproved);
-      const sentence = isPreview && !isLast && !error
-        ? t("Renewed when its samples have doubled.")
-        : isImproved && !error
-        ? t("A preview until the final one is ready")
-        : state?.waiting
-        ? t("Denoising …")
-        : error
-          ? t("Not denoised. {error}", { error: error instanceof Error ? error.message : String(error) })
-          : state?.stale
-            ? t("New samples have come since it was denoised.")
-            : "";
-      setText(said, sentence);
-      said.hidden = sentence === "";
-      said.classList.toggle("bad", Boolean(error) && !state?.waiting);
-      again.hidden = !state || state.waiting || !((state.stale && !isPreview) || error);
+      latest = state;
+      show();
+    },
+    setRendering(is) {
+      if (is === isRendering) return;
+      isRendering = is;
+      show();
     },
   };
+}
+
+/**
+ * Returns why the picture cannot be denoised as it is displayed; "" if it can.
+ *
+ * @param {Pick<import("./display-panel.js").Display, "channel" | "mix">} look
+ */
+export function whyNotDenoised({ channel, mix }) {
+  if (channel !== "") return t("Only the colour can be denoised");
+  return isMixed(mix) ? t("A light mix cannot be denoised: it is made of the raw lights") : "";
 }
 
 /** Whether a connected worker can denoise. @param {import("../base/types.js").Worker[] | null} all */

@@ -6,7 +6,7 @@
 import { channels, lightGroupOf, lightGroups } from "../film/channels.js";
 import { PARTS } from "../film/film-shader.js";
 import { mayHaveHighRange } from "../film/high-range.js";
-import { isMixed, mixFrom, mixText } from "../film/light-mix.js";
+import { mixFrom, mixText } from "../film/light-mix.js";
 import { heatBar, partFields } from "./part-fields.js";
 import { pinsFrom, pinsText } from "./pins.js";
 import { DENOISE_MODES, denoiseFields } from "./denoise-fields.js";
@@ -159,7 +159,7 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
     hint.hidden = told === "";
     outlines.checked = d.outlines;
     colourOnly.hidden = curve.hidden = d.channel !== "" && lightGroupOf(d.channel) === null;
-    denoiseBox.hidden = d.channel !== "" || isMixed(d.mix);
+    denoiseBox.hidden = d.channel !== "";
   });
   const legend = h("ul", { class: "workers-legend", "aria-label": t("Workers on this picture"), hidden: true });
   let shown = "";
@@ -192,7 +192,11 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
   /** @param {boolean} can */
   const offerDenoise = (can) => (denoise.element.hidden = !can && display.value.denoise === "off");
   /** Offers outlines only while tiles are, or may still be, rendered. @param {import("../base/types.js").Job} job */
-  const update = ({ state }) => (outline.hidden = !["queued", "running", "paused"].includes(state));
+  const update = ({ state }) => {
+    const isOpen = ["queued", "running", "paused"].includes(state);
+    outline.hidden = !isOpen;
+    denoise.setRendering(isOpen);
+  };
   /** @param {import("../film/pixel-overlay.js").Outline[]} outlines of the tiles in hand */
   const showHands = (outlines) => {
     const names = [...new Set(outlines.map(({ worker }) => worker))].sort();

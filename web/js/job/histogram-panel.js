@@ -3,6 +3,7 @@
 import { HIGHEST, LOWEST, histogramOf } from "../film/histogram.js";
 import { areaWithin, keyOf } from "./pins.js";
 import { fill, h, setText } from "../base/dom.js";
+import { withFold } from "../shell/layouts.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../film/live-film.js").LiveFilm} LiveFilm */
@@ -37,7 +38,7 @@ export function histogramPanel(live, display, life) {
     told,
     h("label", { class: "check" }, log, t("Logarithmic")),
   );
-  const element = h("details", { class: "side-section histogram" }, h("summary", null, h("h2", null, t("Histogram"))), body);
+  const element = withFold("histogram", h("details", { class: "side-section histogram" }, h("summary", null, h("h2", null, t("Histogram"))), body));
   element.addEventListener("toggle", () => draw());
 
   let drawnAt = -Infinity;

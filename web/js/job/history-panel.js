@@ -4,6 +4,7 @@ import { getHistory } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { clock, roughly } from "../base/format.js";
 import { said as inWords } from "../base/said.js";
+import { withFold } from "../shell/layouts.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -51,7 +52,7 @@ export function historyPanel(job, life) {
   const said = h("p", { class: "quiet small number" });
   const chart = h("div", { class: "chart" });
   const events = h("ol", { class: "timeline number" });
-  const element = h("details", { class: "side-section history" }, h("summary", null, h("h2", null, t("History"))), h("div", { class: "stack tight" }, said, chart, events));
+  const element = withFold("history", h("details", { class: "side-section history" }, h("summary", null, h("h2", null, t("History"))), h("div", { class: "stack tight" }, said, chart, events)));
   let asking = new AbortController();
   life.add(() => asking.abort());
   let shown = "";

@@ -4,6 +4,7 @@ import { getJobLog, getTileLog, jobLogUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { announce, showError } from "../shell/tray.js";
+import { withFold } from "../shell/layouts.js";
 import { t } from "../base/words.js";
 
 const RENEW_MS = 2000;
@@ -25,12 +26,12 @@ export function logPanel(job, life) {
   const { id, name } = job();
   const save = h("a", { class: "icon-button", href: jobLogUrl(id), download: `${name}.log`, "aria-label": t("Download the log"), title: t("Download the log") }, icon("download"));
   const said = h("p", { class: "quiet small", role: "status", hidden: true });
-  const element = h(
+  const element = withFold("log", h(
     "details",
     { class: "side-section job-log" },
     h("summary", null, h("h2", null, t("Log"))),
     h("div", { class: "stack tight" }, h("div", { class: "row" }, h("label", { class: "check grow" }, follow, t("Follow")), copy, save), which, said, lines),
-  );
+  ));
   const toEnd = () => (lines.scrollTop = lines.scrollHeight);
   const copied = async () => {
     try {

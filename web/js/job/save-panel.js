@@ -1,10 +1,13 @@
 /** Downloads: the picture as displayed, or its light; raw and denoised. */
 
 import { deepUrl, imageUrl } from "../news/api.js";
-import { h } from "../base/dom.js";
+import { fill, h } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+import { freshId } from "../forms/fields.js";
 import { lightGroupOf } from "../film/channels.js";
 import { isMixed, mixQuery } from "../film/light-mix.js";
 import { t } from "../base/words.js";
+import { whyNotDenoised } from "./denoise-fields.js";
 import { downloadLink } from "./download-link.js";
 
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
@@ -13,6 +16,7 @@ const FORMATS = /** @type {const} */ ([
   ["png", t("As it looks now, exposure and tone curve included")],
   ["exr", t("Scene-linear floats, untouched by exposure and curve")],
   ["avif", t("High dynamic range, for HDR displays; exposure included, without the tone curve")],
+  ["jxl", t("JPEG XL: as AVIF, with 16 bits per channel")],
   ["jpg", t("As it looks now, small")],
 ]);
 
@@ -20,30 +24,33 @@ const FORMATS = /** @type {const} */ ([
  * @param {DisplayStore} display
  * @param {() => import("../news/api.js").Place} place which of its pictures
  * @param {boolean} hasDeep whether it has deep samples
- * @returns {{element: HTMLElement, offerDenoised: (can: boolean) => void, preferDenoised: () => void, actions: import("../shell/shortcuts.js").Shortcut[]}} actions: for the command palette
+ * @returns {{element: HTMLElement, split: HTMLElement, offerDenoised: (can: boolean) => void, preferDenoised: () => void, actions: import("../shell/shortcuts.js").Shortcut[]}}
+ *     split: a button that saves a PNG, and an arrow that opens the other formats. actions: for the command palette
  */
 export function savePanel(display, place, hasDeep) {
   const clean = h("input", { type: "checkbox", role: "switch", checked: display.value.denoise !== "off", onchange: () => show() });
   const denoised = h("label", { class: "check" }, clean, t("Denoised"));
   const wide = h("input", { type: "checkbox", role: "switch" });
   const hdr = h("label", { class: "check", title: t("JPG with a gain map (Ultra HDR): brighter highlights on HDR displays, the same picture on others") }, wide, t("HDR in JPG"));
-  const canBeClean = () => display.value.channel === "" && !isMixed(display.value.mix);
+  const canBeClean = () => whyNotDenoised(display.value) === "";
   const isClean = () => !denoised.hidden && clean.checked && canBeClean();
+  const png = () => links[0]?.element.click();
   const links = FORMATS.map(([format, hint]) => ({ format, element: link(display, place, format, hint, { isClean, isWide: () => wide.checked }) }));
   const show = () => {
-    // Planes and mixes are not denoised; the switch keeps its space, so that nothing below moves.
-    denoised.style.visibility = canBeClean() ? "" : "hidden";
     const { channel } = display.value;
+    clean.disabled = !canBeClean();
+    denoised.title = whyNotDenoised(display.value);
     const isPlane = channel !== "" && lightGroupOf(channel) === null; // planes have no high range
-    hdr.style.visibility = isPlane ? "hidden" : "";
+    wide.disabled = isPlane;
     for (const { format, element } of links) {
-      element.hidden = format === "avif" && isPlane;
+      element.hidden = isPlane && HIGH_RANGE.includes(format);
       element.setAttribute("aria-label", format.toUpperCase() + (isClean() ? t(", denoised") : ""));
     }
   };
   const deep = hasDeep && downloadLink(t("Deep EXR"), t("Samples in depth with colour and alpha, for deep compositing"), () => deepUrl(place()), { isLarge: true });
   denoised.hidden = true;
   display.subscribe(show);
+  const saves = links.map(({ format, element }) => ({ format, element, run: () => element.click() }));
   return {
     element: h(
       "section",
@@ -54,6 +61,7 @@ export function savePanel(display, place, hasDeep) {
       h("div", { class: "row wraps" }, denoised, hdr),
       deep,
     ),
+    split: splitButton(png, saves),
     offerDenoised(now) {
       denoised.hidden = !now;
       show();
@@ -66,16 +74,59 @@ export function savePanel(display, place, hasDeep) {
   };
 }
 
+/** Formats of a high dynamic range, which planes do not have. */
+const HIGH_RANGE = ["avif", "jxl"];
+
+/**
+ * @param {() => void} save as a PNG
+ * @param {{format: string, element: HTMLElement, run: () => void}[]} saves of all formats; element: hidden where the format is not offered
+ * @returns {HTMLElement}
+ */
+function splitButton(save, saves) {
+  const menu = h("div", { class: "save-menu", popover: "auto", role: "menu", "aria-label": t("Save as"), id: freshId("save-menu") });
+  const main = h("button", { class: "button primary wide-word save-picture", type: "button", title: t("Save as PNG"), onclick: save }, icon("download"), h("span", null, t("Save")));
+  const arrow = h("button", { class: "button primary save-formats", type: "button", title: t("Other formats"), "aria-label": t("Other formats"), "aria-haspopup": "menu", popovertarget: menu.id }, icon("down"));
+  menu.addEventListener("beforetoggle", (event) => {
+    if (/** @type {ToggleEvent} */ (event).newState !== "open") return;
+    const { bottom, right } = arrow.getBoundingClientRect();
+    menu.style.top = `${bottom}px`;
+    menu.style.right = `${document.documentElement.clientWidth - right}px`;
+    fill(
+      menu,
+      saves
+        .filter(({ element }) => !element.hidden)
+        .map(({ format, element, run }) => h("button", { class: "menu-item", type: "button", role: "menuitem", title: element.title, onclick: () => (menu.hidePopover(), run()) }, format.toUpperCase())),
+    );
+  });
+  menu.addEventListener("toggle", () => /** @type {HTMLElement | null} */ (menu.firstElementChild)?.focus());
+  menu.addEventListener("keydown", (event) => {
+    const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const items = /** @type {HTMLElement[]} */ ([...menu.children]);
+    items[(items.indexOf(/** @type {HTMLElement} */ (document.activeElement)) + step + items.length) % items.length]?.focus();
+  });
+  return h("div", { class: "save-split", role: "group", "aria-label": t("Save"), hidden: true }, main, arrow, menu);
+}
+
 /**
  * URL of the picture as displayed.
  *
  * @param {import("../news/api.js").Place} place
  * @param {import("./display-panel.js").Display} look
  */
-export function asItLooks(place, { exposure, curve, channel, denoise, mix }) {
-  if (channel) return imageUrl(place, "png", { aov: channel });
-  return imageUrl(place, "png", { exposure, tonemap: curve, ...(denoise === "on" && !isMixed(mix) && { denoise: "true" }), ...mixQuery(mix) });
+export function asItLooks(place, look) {
+  return imageUrl(place, "png", look.channel ? { aov: look.channel } : lookQuery(look));
 }
+
+/**
+ * Parameters of the colour as displayed.
+ *
+ * @param {import("./display-panel.js").Display} look
+ * @returns {Record<string, string | number>}
+ */
+export const lookQuery = ({ exposure, curve, denoise, mix }) => ({ exposure, tonemap: curve, ...(denoise === "on" && !isMixed(mix) && { denoise: "true" }), ...mixQuery(mix) });
 
 /** @param {string} text @param {HTMLElement[]} links */
 export function row(text, links) {
@@ -86,7 +137,7 @@ export function row(text, links) {
 /**
  * @param {DisplayStore} display
  * @param {() => import("../news/api.js").Place} place
- * @param {"png" | "exr" | "avif" | "jpg"} format
+ * @param {"png" | "exr" | "avif" | "jxl" | "jpg"} format
  * @param {string} hint
  * @param {{isClean: () => boolean, isWide: () => boolean}} choices isClean: the denoised picture is saved; isWide: a JPG gets a gain map
  */
@@ -95,7 +146,7 @@ function link(display, place, format, hint, { isClean, isWide }) {
     const { exposure, curve, channel, mix } = display.value;
     /** @type {Record<string, string | number>} */
     const query = { ...(channel ? { aov: channel } : mixQuery(mix)) };
-    if (format === "avif" || (!channel && format !== "exr")) query.exposure = exposure;
+    if (HIGH_RANGE.includes(format) || (!channel && format !== "exr")) query.exposure = exposure;
     if (!channel && (format === "png" || format === "jpg")) query.tonemap = curve;
     if (format === "jpg" && isWide() && (!channel || lightGroupOf(channel) !== null)) query.gain_map = "true";
     if (isClean()) query.denoise = "true";

@@ -17,7 +17,7 @@ let chosen = "";
 /**
  * @param {string} label for screen readers
  * @param {Tab[]} tabs
- * @returns {{elements: HTMLElement[], show: (name: string) => void}} elements: the list, and the panels
+ * @returns {{elements: HTMLElement[], show: (name: string) => void, current: () => string}} elements: the list, and the panels
  */
 export function sideTabs(label, tabs) {
   const stem = freshId("tab");
@@ -50,5 +50,5 @@ export function sideTabs(label, tabs) {
     choose(next, true);
   });
   choose(Math.max(tabs.findIndex(({ name }) => name === chosen), 0));
-  return { elements: [list, ...panels], show: (name) => choose(tabs.findIndex((tab) => tab.name === name)) };
+  return { elements: [list, ...panels], show: (name) => choose(Math.max(tabs.findIndex((tab) => tab.name === name), 0)), current: () => list.dataset.tab ?? "" };
 }

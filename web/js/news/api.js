@@ -245,6 +245,17 @@ export const getInfo = () => call("GET", "/info");
 /** @returns {Promise<Example[]>} */
 export const getExamples = () => call("GET", "/examples");
 
+/** A section of a guide, whose title the guide's first one has. @typedef {{guide: string, heading: string, url: string}} GuideSection */
+
+/** @returns {Promise<GuideSection[]>} */
+export async function getGuides() {
+  const answer = await fetch("docs/guides/search.json");
+  if (!answer.ok) throw errorOf(answer.status, await answer.text());
+  /** @type {{guide: string, title: string, heading: string, anchor: string}[]} */
+  const sections = await answer.json();
+  return sections.map(({ guide, title, heading, anchor }) => ({ guide: title, heading, url: `docs/guides/${guide}${anchor && `#${anchor}`}` }));
+}
+
 /** @param {string} name @returns {Promise<Scene>} the scene that the example became */
 export const openExample = (name) => call("POST", inProject(`/examples/${encodeURIComponent(name)}`));
 
@@ -315,7 +326,7 @@ export const thumbnailUrl = (scene) => `api/scenes/${scene}/thumbnail.png`;
 
 /**
  * @param {Place} place
- * @param {"png" | "exr" | "jpg" | "avif" | "rgb9e5"} format
+ * @param {"png" | "exr" | "jpg" | "avif" | "jxl" | "rgb9e5"} format
  * @param {Record<string, string | number>} [query] aov, exposure, tonemap, …
  */
 export function imageUrl({ job, frame }, format, query = {}) {

@@ -14,12 +14,14 @@ import { Viewport } from "../film/viewport.js";
 import { stops } from "../base/format.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { PLACE_SUN } from "../forms/environment-fields.js";
+import { addPart } from "../shell/layouts.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
 import { clarity, clarityField } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
 import { takeMesh } from "./mesh-relay.js";
 import { people } from "./people.js";
+import { probe } from "./probe.js";
 import { denoiseView } from "./denoise-view.js";
 import { alongSight, lookAt } from "./orbit.js";
 import { examplePictures } from "../news/example-pictures.js";
@@ -56,6 +58,8 @@ const [CLEAN_SPP, MESH_SPP] = [8, 1];
 const [DENOISED_MS, RELIT_MS, DENOISED_SPP] = [15_000, 2000, 64];
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
 const COVERED_MS = 500;
+/** Samples per pixel from which a black view is explained: with fewer, light of few paths may not have been found. */
+const BLACK_SPP = 4;
 /** Part of the view's width that a denoised picture must have to replace the preview mesh; the number of requests whose cameras are remembered. */
 const [FINE_SHARE, MOST_VIEWS] = [0.75, 256];
 /** Samples per pixel after which a denoised view replaces the preview mesh, which is sharper than fewer denoised ones. */
@@ -262,13 +266,39 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const darkWords = h("span");
   const studio = h("button", { class: "button small", type: "button", onclick: () => (form.light.choose("studio"), expose(0)) }, icon("sun"), t("Studio light"));
   const brighten = h("button", { class: "button small", type: "button", onclick: () => exposeAuto() }, icon("exposure"), t("Auto exposure"));
-  const dark = h("div", { class: "view-dark", role: "status", hidden: true }, darkWords, brighten, studio);
+  const reframe = h("button", { class: "button small", type: "button", hidden: true, onclick: () => turn(framing()) }, icon("camera"), t("Frame the scene"));
+  const dark = h("div", { class: "view-dark", role: "status", hidden: true }, darkWords, reframe, brighten, studio);
+  /** The view of the automatic camera, which is the last one. */
+  const framing = () => scene.cameras.at(-1)?.view ?? form.view();
   /** What chooses the exposure next: the first picture if it looks black, the next pictures of a new light, nothing more, or the user. @type {"first" | "light" | "done" | "user"} */
   let exposedBy = "first";
   /** The light that the exposure is for, without its strength: that is the user's own way to make it brighter. */
   let exposedLight = "";
   /** Brightness of the latest picture that was looked at. */
   let brightness = { white: 0, bright: 0, high: 0, key: 0 };
+  /** Why the picture is exactly black: the camera sees no surface, or no light reaches those it sees; "": it is not, or that is not known yet. @type {"" | "empty" | "unlit"} */
+  let blackness = "";
+  /** Id of the latest black view that was probed. @type {number | null} */
+  let probedView = null;
+  /** Looks for the reason of a picture that is exactly black. @param {number} id of the view */
+  const lookForBlackness = (id) => {
+    if (!film.film.isBlack()) {
+      endProbe();
+    } else if (probedView !== id) {
+      probedView = id;
+      probing.begin(asked, (seesSomething) => {
+        blackness = seesSomething ? "unlit" : "empty";
+        tellDarkness();
+      });
+    }
+  };
+  const endProbe = () => {
+    probing.end();
+    probedView = null;
+    if (!blackness) return;
+    blackness = "";
+    tellDarkness();
+  };
   /** @param {number} id of the picture */
   const lookForDarkness = (id) => {
     brightness = film.film.brightness();
@@ -281,10 +311,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const tellDarkness = () => {
     const black = darkness(brightness);
     const missing = autoExposure(brightness) - exposure.valueAsNumber;
-    dark.hidden = !black && missing < DULL_STOPS;
-    studio.hidden = !black;
-    brighten.hidden = missing <= 0;
-    if (!dark.hidden) setText(darkWords, black ? t("Very dark: brightest {n}", { n: black.brightest.toPrecision(1) }) : t("Dark at this exposure"));
+    dark.hidden = !black && !blackness && missing < DULL_STOPS;
+    studio.hidden = !black && blackness !== "unlit";
+    reframe.hidden = blackness !== "empty";
+    brighten.hidden = missing <= 0 || blackness !== "";
+    if (!dark.hidden) setText(darkWords, darknessWords(blackness, black));
   };
   /** @param {number} stops */
   const setExposure = (stops) => {
@@ -385,17 +416,19 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       else if (denoised) keepNewer(next.id);
       setDenoised(denoised);
       if (isLatest && (done || (denoised && mean >= SHARP_SPP))) clearId = next.id;
+      if (next.id !== null && isLatest && surface.dataset.view === String(next.id) && (done || mean >= BLACK_SPP)) lookForBlackness(next.id);
       if (message) say(saidOf(next, "message"));
-      else if (bound) say(clarity(mean, noise, done, isCovered && (known !== "" || !meshed.hidden) && canvas.classList.contains("held-back"), denoised), done);
+      else if (bound) say(clarity(mean, noise, done, isCovered && canvas.classList.contains("held-back"), denoised), done);
       state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");
     },
     failed: (sentence) => say(sentence),
-    picked: (found) => onPicked?.(found),
+    picked: (found) => (probing.take(found), onPicked?.(found)),
     people: ({ people: found }) => others.take(found),
     takes: () => void saved.load(),
     link: (up) => (up ? (others.renew(), void saved.load()) : say(t("The connection is lost; trying again."))),
     refused: (sentence) => say(sentence),
   });
+  const probing = probe((at) => link.send({ pick: at }));
   const others = people(surface, { view: form.view, send: (message) => link.send(message), turnTo: (view) => turnTo(view) });
   /** @param {string} sentence @param {boolean} [aloud] by a screen reader: its end, and not each sample on the way */
   const say = (sentence, aloud = true) => {
@@ -445,6 +478,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       asked = { width, height };
       askedView = form.view();
       askedLight = JSON.stringify(request["environment"] ?? null);
+      endProbe();
       const drafts = instead.isOpen ? {} : { draft: exposure.valueAsNumber }; // whose values a stage cannot compare
       link.show({ ...wanted, ...drafts });
       canvas.classList.toggle("outdated", isOutdated());
@@ -552,6 +586,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (on) (instead.isOpen ? tools.buttons.get("light") : surface)?.focus({ preventScroll: true });
   });
   tools.buttons.get("light")?.addEventListener("keydown", (event) => tools.key(event) && event.preventDefault());
+  const endPart = addPart("display", {
+    get: () => look.value,
+    set: (/** @type {{exposure?: number, curve?: string}} */ shown) => {
+      curve.value = [...curve.options].some(({ value }) => value === shown.curve) ? (shown.curve ?? "") : DEFAULT_CURVE;
+      expose(Number(shown.exposure) || 0);
+    },
+  });
   const endKeys = addShortcuts([
     { keys: "N", does: t("Auto exposure"), run: exposeAuto },
     { keys: "L", shown: t("L, arrows"), does: t("Turn the light: hold and drag, or press and use the arrows"), run: lightKey.down },
@@ -666,11 +707,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       isDisposed = true;
       clearTimeout(uncovering);
       resizing.disconnect();
+      probing.end();
       stage.dispose();
       letGo();
       light.dispose();
       lightKey.dispose();
       endKeys();
+      endPart();
       form.element.removeEventListener(PLACE_SUN, placeSun);
       others.dispose();
       denoise.dispose();
@@ -692,6 +735,13 @@ function showExposure(slider, value) {
   slider.max = String(end);
   slider.value = String(value);
   slider.title = t("Exposure from {low} to {high} EV; double-click for 0", { low: stops(-end), high: stops(end) });
+}
+
+/** @param {"" | "empty" | "unlit"} blackness @param {import("../film/darkness.js").Darkness | null} dark */
+function darknessWords(blackness, dark) {
+  if (blackness === "empty") return t("The camera sees nothing");
+  if (blackness === "unlit") return t("No light reaches what the camera sees");
+  return dark ? t("Very dark: brightest {n}", { n: dark.brightest.toPrecision(1) }) : t("Dark at this exposure");
 }
 
 /** @param {View} view */

@@ -20,6 +20,7 @@ import { settingFields } from "../forms/setting-fields.js";
 import { sizeFields } from "../forms/size-fields.js";
 import { standFields } from "../forms/stand-fields.js";
 import { variantField } from "../forms/variant-field.js";
+import { withFold } from "../shell/layouts.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -129,7 +130,7 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     requestAnimationFrame(() => fold?.hasAttribute("open") && fold.scrollIntoView({ block: "nearest" }));
   };
   const advanced = h("div", { class: "stack" });
-  const fold = h("details", { class: "advanced" }, h("summary", null, t("Advanced")), advanced);
+  const fold = withFold("advanced", h("details", { class: "advanced" }, h("summary", null, t("Advanced")), advanced));
   const bottom = h("div", { class: "submit" }, waiting ?? estimate, why, render);
   const element = h("form", { class: "settings", "aria-label": t("Render settings"), noValidate: true, onsubmit, onclick });
   const arrange = () => {

@@ -1,10 +1,12 @@
 /** The command palette: pages, actions of the current view, scenes and jobs, found by their names. Ctrl+K opens it. */
 
-import { findJobs, findScenes } from "../news/api.js";
+import { findJobs, findScenes, getExamples, getGuides } from "../news/api.js";
 import { fill, h } from "../base/dom.js";
 import { hidden, jobs, scenes } from "../news/farm.js";
+import { visitExample } from "./examples.js";
 import { showHelp } from "./help-dialog.js";
 import { icon } from "../base/icons.js";
+import { LAYOUTS, layoutCommands } from "./layouts.js";
 import { linkTo } from "./router.js";
 import { session } from "../news/session.js";
 import { shortcuts } from "./shortcuts.js";
@@ -19,7 +21,7 @@ export const PALETTE_KEYS = "Ctrl+K";
 const MOST = 7; // scenes, and jobs
 const TYPING_MS = 200;
 
-const [PAGES, ACTIONS, SCENES, JOBS] = [t("Pages"), t("Actions"), t("Scenes"), t("Jobs")];
+const [PAGES, ACTIONS, SCENES, JOBS, EXAMPLES, GUIDES] = [t("Pages"), t("Actions"), t("Scenes"), t("Jobs"), t("Examples"), t("Guides")];
 
 /**
  * Returns the entries whose label or note has every word, those that begin with the text first.
@@ -63,6 +65,19 @@ function actions() {
   return [...listed.map(({ keys, shown, does, run }) => ({ group: ACTIONS, symbol: /** @type {IconName} */ ("play"), label: does, note: shown ?? keys, run })), ...themes, ...languages];
 }
 
+/** Examples that are no scenes yet, and sections of the guides, once they are loaded. @type {Record<string, Command[]>} */
+const further = {};
+
+/** Loads the examples and the guides, which the page does not need before something is sought. @param {() => void} came called after each */
+function loadFurther(came) {
+  const load = async (/** @type {string} */ group, /** @type {Promise<Command[]>} */ found) => {
+    further[group] = await found.catch(() => further[group] ?? []); // the palette finds the rest without them
+    came();
+  };
+  void load(EXAMPLES, getExamples().then((all) => all.filter((each) => each.scenes.length === 0).map((each) => ({ group: EXAMPLES, symbol: "cube", label: each.title, run: () => void visitExample(each) }))));
+  void load(GUIDES, getGuides().then((all) => all.map(({ guide, heading, url }) => ({ group: GUIDES, symbol: "info", label: heading, note: heading === guide ? "" : guide, run: leave(url) }))));
+}
+
 /** Unites known items with those that the service has found. @template {{id: string}} T @param {T[] | null} known @param {T[]} found */
 function united(known, found) {
   const ids = new Set(known?.map(({ id }) => id));
@@ -76,7 +91,7 @@ function united(known, found) {
  */
 export function showPalette(nav) {
   if (document.querySelector("dialog[open]")) return;
-  const fixed = [...pages(nav), ...actions()];
+  const fixed = [...pages(nav), ...actions(), ...layoutCommands()];
   /** @type {{scenes: import("../base/types.js").Scene[], jobs: import("../base/types.js").Job[]}} */
   const found = { scenes: [], jobs: [] };
   /** @type {Command[]} */
@@ -110,8 +125,9 @@ export function showPalette(nav) {
       ...{ label: name, group: JOBS, symbol: /** @type {IconName} */ ("image"), run: visit(linkTo("jobs", id)) },
       note: [width && height ? `${width}×${height}` : "", spp ? `${spp} spp` : "", note ?? ""].filter(Boolean).join(" · "),
     }));
-    shown = [...matching(fixed, text), ...matching(ofScenes, text).slice(0, MOST), ...matching(ofJobs, text).slice(0, MOST)];
-    if (!text) shown = shown.filter(({ group }) => group !== ACTIONS).concat(shown.filter(({ group }) => group === ACTIONS));
+    shown = [...matching(fixed, text), ...matching(ofScenes, text).slice(0, MOST), ...matching(ofJobs, text).slice(0, MOST), ...(text ? [EXAMPLES, GUIDES].flatMap((group) => matching(further[group] ?? [], text).slice(0, MOST)) : [])];
+    const isLast = (/** @type {Command} */ { group }) => group === ACTIONS || group === LAYOUTS;
+    if (!text) shown = [...shown.filter((each) => !isLast(each)), ...shown.filter(isLast)];
     at = Math.min(at, Math.max(shown.length - 1, 0));
     const groups = [...new Set(shown.map(({ group }) => group))];
     fill(
@@ -178,6 +194,7 @@ export function showPalette(nav) {
   dialog.showModal();
   refresh();
   input.focus();
+  loadFurther(() => dialog.open && refresh());
 }
 
 /** Opens and closes the palette by Ctrl+K or, on a Mac, Command+K. @param {readonly (readonly [string, string])[]} nav */

@@ -55,7 +55,8 @@ export function progressBar(label) {
   );
   return {
     element,
-    update(fraction, state = "") {
+    update(reached, state = "") {
+      const fraction = state === "finished" ? 1 : reached; // also by its noise or time, with fewer samples than at most
       element.className = `progress ${state} ${fraction === null ? "unknown" : ""}`;
       bar.style.transform = fraction === null ? "" : `scaleX(${fraction})`;
       if (fraction === null) element.removeAttribute("aria-valuenow");

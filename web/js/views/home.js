@@ -1,11 +1,12 @@
 /** The front page: a drop area, examples, and the existing scenes. */
 
-import { getExamples, openExample } from "../news/api.js";
+import { getExamples } from "../news/api.js";
+import { pictureOf, visitExample } from "../shell/examples.js";
 import { getComparisons, openComparison } from "../compare/comparisons.js";
 import { fill, h, keyedList } from "../base/dom.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { arriving } from "../news/arriving.js";
-import { adoptScene, hidden, jobs, scenes, workers } from "../news/farm.js";
+import { hidden, jobs, scenes, workers } from "../news/farm.js";
 import { choose } from "../shell/drops.js";
 import { FIRST_STEPS } from "../shell/help-dialog.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
@@ -176,9 +177,6 @@ function dropZone() {
   );
 }
 
-/** The picture of an example, rendered by Rayfarm; not every example has one. @param {Example} example */
-const pictureOf = ({ name }) => new URL(`../../examples/${encodeURIComponent(name)}.jpg`, import.meta.url).href;
-
 /** Removes a picture that does not exist, so that the placeholder is visible. @param {Event} event */
 const removePicture = (event) => /** @type {HTMLElement} */ (event.target).remove();
 
@@ -186,16 +184,6 @@ const removePicture = (event) => /** @type {HTMLElement} */ (event.target).remov
 function exampleCard(example) {
   const picture = pictureOf(example);
   const length = example.frames && h("span", { class: "badge number" }, icon("play"), lengthOf(example.frames, example.fps));
-  const open = async () => {
-    try {
-      const scene = await openExample(example.name);
-      examplePictures.set(scene.id, picture);
-      adoptScene(scene);
-      location.hash = linkTo("scenes", scene.id) + (example.frames ? "?shot" : "");
-    } catch (error) {
-      showError(t("{title} could not be opened", { title: example.title }), error);
-    }
-  };
   return h(
     "li",
     { class: "card example" },
@@ -203,7 +191,7 @@ function exampleCard(example) {
     h(
       "div",
       { class: "body" },
-      h("button", { class: "name", type: "button", onclick: open }, example.title),
+      h("button", { class: "name", type: "button", onclick: () => visitExample(example) }, example.title),
       h("p", { class: "quiet small" }, t(example.description)),
     ),
   );

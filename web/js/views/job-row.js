@@ -9,6 +9,7 @@ import { ago, clock } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { lightWords } from "../base/light-words.js";
 import { linkTo } from "../shell/router.js";
+import { markBlack } from "../base/black-image.js";
 import { offer } from "../news/projects.js";
 import { askedBy } from "../news/session.js";
 import { reached } from "../news/settings-table.js";
@@ -103,7 +104,7 @@ export function jobRow(job, lead) {
         picturedState = next.state;
         const url = imageUrl({ job: next.id, frame: firstFrame(next) }, thumbnailFormat(next), { width: 320, visible: "true", v: next.samples });
         showImage(image, url).then(
-          () => box.removeAttribute("title"),
+          () => (box.removeAttribute("title"), markBlack(box, image)),
           ({ message }) => ((image.hidden = true), (box.title = message)),
         );
       }

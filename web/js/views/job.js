@@ -9,7 +9,12 @@ import { lightWords, ownLight } from "../base/light-words.js";
 import { emptyPage } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
+import { addPart, sideEdge } from "../shell/layouts.js";
+import { isCurve } from "../film/curves.js";
+import { DEFAULT_CURVE } from "../film/tonemap.js";
+import { channels } from "../film/channels.js";
 import { offer } from "../news/projects.js";
+import { blackNotice } from "../scene/black-notice.js";
 import { doubtNotice } from "../job/doubt-notice.js";
 import { queuePanel } from "../job/queue-panel.js";
 import { livePicture } from "../film/live-picture.js";
@@ -27,7 +32,7 @@ import { histogramPanel } from "../job/histogram-panel.js";
 import { explainPanel } from "../job/explain-panel.js";
 import { pinsPanel } from "../job/pins.js";
 import { pictureTools } from "../job/picture-tools.js";
-import { asItLooks } from "../job/save-panel.js";
+import { asItLooks, lookQuery } from "../job/save-panel.js";
 import { jobKeys, stageKeys } from "../job/render-keys.js";
 import { followWithFrame, go, here, linkTo, setTitle } from "../shell/router.js";
 import { sideTabs } from "../job/side-tabs.js";
@@ -139,14 +144,10 @@ function open(page, job, life) {
   const line = progressBar(t("Progress"));
   life.every(1000, progress.tick);
 
-  // What most want of a finished picture; its tab has the formats.
-  const openSave = () => {
-    tabs.show("save");
-    /** @type {HTMLElement | null} */ (save.element.querySelector("a"))?.focus();
-  };
-  const saveButton = h("button", { class: "button primary wide-word save-picture", type: "button", title: t("Save"), hidden: true, onclick: openSave }, icon("download"), h("span", null, t("Save")));
+  const saveButton = save.split; // what most want of a finished picture
 
   const notices = stageNotices(picture.element, () => latest, picture.live, life);
+  blackNotice(picture.element, () => latest, picture.live, life);
   let isDenoisedFirst = false;
   /** Shows a job that asks for it denoised at first, also while it renders. The link may ask for another picture. */
   const denoiseFirst = () => {
@@ -171,13 +172,22 @@ function open(page, job, life) {
     { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element] },
     { name: "lights", label: t("Lights"), content: [lightMixer(display, () => latest, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture))] },
     { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
-    { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id)] },
+    { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id, () => lookQuery(display.value))] },
     { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },
   ]);
+  life.add(addPart("tab", { get: tabs.current, set: tabs.show }));
+  life.add(
+    addPart("display", {
+      get: () => ({ exposure: display.value.exposure, curve: display.value.curve, channel: display.value.channel }),
+      set: ({ exposure = 0, curve = "", channel = "" }) =>
+        display.update((now) => ({ ...now, exposure: clampExposure(Number(exposure) || 0), curve: isCurve(curve) ? curve : DEFAULT_CURVE, channel: channels(job.settings).some(({ name }) => name === channel) ? channel : "" })),
+    }),
+  );
   const side = [
     ...[progress.element, doubt.element, shot?.panel, explained.element, pins.element],
     ...tabs.elements,
   ];
+  const aside = h("aside", { class: "side", "aria-label": t("Picture") }, ...side);
   // On a narrow screen below the picture, which then lies where the scene's view did.
   const bar = h("div", { class: "job-bar" });
   const narrow = matchMedia("(max-width: 860px)");
@@ -197,7 +207,8 @@ function open(page, job, life) {
     shot?.strip,
     bar,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": t("Picture") }, ...side),
+    aside,
+    sideEdge(() => aside, life),
   );
   arrange();
 

@@ -8,6 +8,7 @@ import { ago, compact } from "../base/format.js";
 import { firstFrame } from "../base/shot-words.js";
 import { icon } from "../base/icons.js";
 import { linkTo } from "../shell/router.js";
+import { markBlack } from "../base/black-image.js";
 import { offer } from "../news/projects.js";
 import { lightOf, variantOf } from "../base/scene-version.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
@@ -135,7 +136,7 @@ export function thumbnail() {
   const show = (url, instead) => {
     if (!url) return element.replaceChildren(icon("cube"));
     const image = h("img", { src: url, alt: "", loading: "lazy" });
-    image.addEventListener("load", () => image.classList.add("loaded"), { once: true });
+    image.addEventListener("load", () => (image.classList.add("loaded"), markBlack(element, image)), { once: true });
     image.addEventListener("error", () => image.isConnected && show(instead, ""), { once: true });
     element.replaceChildren(icon("cube"), image);
   };

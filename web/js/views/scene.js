@@ -9,6 +9,7 @@ import { bytes, count, extent } from "../base/format.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { go, here, linkTo, setParams, setTitle } from "../shell/router.js";
+import { sideEdge } from "../shell/layouts.js";
 import { offer } from "../news/projects.js";
 import { failedScene } from "../scene/failed-scene.js";
 import { startOfJob } from "../scene/form-start.js";
@@ -215,6 +216,10 @@ function ready(page, scene, life) {
   const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
   const form = settingsForm(scene, submit, like && startOfJob(like), here().params.has("shot"));
   life.add(form.dispose);
+  if (here().params.get("light") === "studio") {
+    setParams({ light: null }); // the choice is the form's from now on
+    form.light.choose("studio");
+  }
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => form.update()));
   life.add(
@@ -225,6 +230,12 @@ function ready(page, scene, life) {
   );
   const sides = sidesFromUrl(life);
   const view = viewOf(scene, form, sides, life);
+  const side = h(
+    "div",
+    { class: "workspace-side" },
+    warnings(scene), // above the view, they would move it
+    h("section", { class: "panel", "aria-label": t("Render") }, form.element),
+  );
   page.classList.add("workspace");
   life.add(() => page.classList.remove("workspace"));
   fill(
@@ -241,12 +252,8 @@ function ready(page, scene, life) {
         h("div", { class: "strips" }, view.takes, renderStrip(scene.id, sides, life)),
         facts(scene),
       ),
-      h(
-        "div",
-        { class: "workspace-side" },
-        warnings(scene), // above the view, they would move it
-        h("section", { class: "panel", "aria-label": t("Render") }, form.element),
-      ),
+      side,
+      sideEdge(() => side, life),
     ),
   );
   return () => {};

@@ -1,0 +1,50 @@
+"""Tests that the page says why a picture is black."""
+
+from __future__ import annotations
+
+import re
+
+import httpx
+import pytest
+from playwright.sync_api import expect
+
+from tests.e2e.conftest import Watched
+from tests.e2e.screen import render_job
+from tests.helpers import Farm
+
+pytestmark = pytest.mark.long
+
+SCENE = """
+name: Behind
+cameras: [{eye: [0, 0, 4], target: [0, 0, 9], fov: 40}]
+environment: {color: 0}
+materials: {clay: {color: 0.5}, lamp: {color: 0, emission: 5}}
+shapes:
+  - {type: sphere, material: clay, center: [0, 0, 0], radius: 1}
+  - {type: sphere, material: lamp, center: [0, 6, 0], radius: 0.5}
+"""
+
+
+def test_black_view_and_job_say_that_the_camera_sees_nothing(farm: Farm, watched: Watched) -> None:
+    """The pages of the job and of the scene offer to frame the scene, which then is seen; cards have a word over the black."""
+    page = watched.page
+    sent = httpx.post(f"{farm.url}/api/scenes", files={"files": ("behind.yaml", SCENE)})
+    scene = sent.raise_for_status().json()["id"]
+    with farm.client() as client:
+        client.wait_for_scene(scene)
+    job = render_job(farm, scene, width=64, height=36, spp=4)
+    page.goto(f"{farm.url}/#/jobs/{job}")
+    notice = page.locator(".stage-black")
+    expect(notice).to_contain_text("The camera sees nothing")
+    expect(notice.get_by_role("link", name="Frame the scene")).to_have_attribute("href", re.compile(f"{scene}.*view="))
+    page.goto(f"{farm.url}/#/")
+    expect(page.locator(".job-row", has_text="Behind").get_by_text("Nothing visible")).to_be_visible()
+
+    page.goto(f"{farm.url}/#/scenes/{scene}")
+    dark = page.locator(".view-dark")
+    expect(dark).to_contain_text("The camera sees nothing", timeout=60_000)
+    expect(dark.get_by_role("button", name="Studio light")).to_be_hidden()
+    dark.get_by_role("button", name="Frame the scene").click()
+    expect(dark).to_be_hidden()
+    expect(page).to_have_url(re.compile("view="))
+    assert watched.errors == []
