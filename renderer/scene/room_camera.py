@@ -86,8 +86,8 @@ def _at_sides(mesh: Mesh, place: F64, low: F64, high: F64) -> tuple[F64, npt.NDA
     positions = mesh.positions.astype(np.float64) @ place[:3, :3].T + place[:3, 3]
     band = _BAND * (high - low)
     is_near = np.stack([positions - low < band, high - positions < band])  # (2, V, 3)
-    chosen = np.flatnonzero(is_near.any(axis=(0, 2))[mesh.triangles].all(axis=1))
-    return positions, chosen, is_near[:, mesh.triangles[chosen]].all(axis=2)
+    chosen = np.flatnonzero(np.asarray(is_near.any(axis=(0, 2)))[mesh.triangles].all(axis=1))
+    return positions, chosen, np.asarray(is_near[:, mesh.triangles[chosen]].all(axis=2))
 
 
 def _clearances(
