@@ -64,7 +64,7 @@ def test_dropped_file_is_rendered_and_pixels_equal_film(farm: Farm, watched: Wat
 
     page.get_by_text("Custom").nth(1).click()
     page.get_by_label("Keep the aspect").uncheck()
-    page.get_by_label("Width").fill(str(WIDTH))
+    page.get_by_role("spinbutton", name="Width").fill(str(WIDTH))
     page.get_by_label("Height", exact=True).fill(str(HEIGHT))
     page.get_by_text("Custom").nth(2).click()
     page.get_by_label("Samples per pixel").fill(str(ENDLESS_SPP))
