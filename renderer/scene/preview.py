@@ -245,7 +245,7 @@ def _spheres(description: SceneDescription, surfaces: _Surfaces, max_triangles: 
 def _rings(radii: F64, max_triangles: int) -> list[int]:
     """Returns into how many rings spheres are divided: fewer for smaller ones if they have more than `max_triangles` together.
 
-    A polygon of n sides deviates from a circle by its radius over n squared, so the number of rings follows the root of the radius.
+    A polygon of n sides deviates from a circle by its radius over n squared: the number of rings follows the root of the radius.
     """
     rings = np.full(len(radii), RINGS)
     if not len(radii):
