@@ -23,7 +23,7 @@ export async function renderAgain(job, changes, { film, shown }) {
   if (!scene) return;
   const form = settingsForm(scene, async () => {}, startOfJob({ ...job, settings: { ...job.settings, ...changes } }));
   try {
-    const next = await createJob(form.request(), crypto.randomUUID?.() ?? String(Math.random()));
+    const next = await createJob({ ...form.request(), exposure: job.exposure ?? 0, ...(job.tonemap && { tonemap: job.tonemap }) }, crypto.randomUUID?.() ?? String(Math.random()));
     const { width, height, words } = shown();
     const look = new Film(width, height, words);
     look.total = film.total;
