@@ -8,7 +8,7 @@ import { DEFAULT_CURVE } from "./tonemap.js";
 /** @param {Shown | null | undefined} job @returns {{exposure: number, curve: string}} the default curve in place of one that the farm no longer has */
 export const jobLook = (job) => ({ exposure: job?.exposure ?? 0, curve: job?.tonemap && isCurve(job.tonemap) ? job.tonemap : DEFAULT_CURVE });
 
-/** @param {Shown | null | undefined} job @returns {Record<string, string | number>} parameters of a picture that shows it so; none for the defaults */
+/** @param {Shown | null | undefined} job @returns {{exposure?: number, tonemap?: string}} parameters of a picture that shows it so; none for the defaults */
 export function lookOfJob(job) {
   const { exposure, curve } = jobLook(job);
   return { ...(exposure !== 0 && { exposure }), ...(curve !== DEFAULT_CURVE && { tonemap: curve }) };

@@ -23,7 +23,6 @@ import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
 import { clampExposure } from "../job/display-panel.js";
 import { lookOfJob } from "../film/job-look.js";
-import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { prepareSteps, stepOf } from "../scene/prepare-steps.js";
@@ -205,7 +204,7 @@ function ready(page, scene, life) {
   const submit = async (/** @type {import("../base/types.js").JobRequest} */ request) => {
     try {
       const { exposure, curve } = view.look();
-      const look = { exposure: clampExposure(exposure), ...(curve !== DEFAULT_CURVE && { tonemap: curve }) };
+      const look = lookOfJob({ exposure: clampExposure(exposure), tonemap: curve });
       // One key per click, so that a repeated request creates only one job.
       const job = await createJob({ ...request, ...look }, crypto.randomUUID?.() ?? String(Math.random()));
       keepFirstLook(job.id, view.firstLook());
