@@ -48,8 +48,8 @@ class FarmShot:
     ) -> FarmShot | None:
         """Returns the shot from command line options; None for a still image of the scene's start.
 
-        options: fps, clip, turntable etc.; None if not given. look: as the attribute. Raises CommandError if the file names are not distinct, or the
-        files cannot be written.
+        options: fps, clip, turntable etc.; None if not given. look: as the attribute. Raises CommandError if the file names are
+        not distinct, or the files cannot be written.
         """
         request = {name: value for name, value in options.items() if value is not None}
         if frames is None and frame is None and not request:

@@ -83,7 +83,7 @@ def submit(
         str,
         typer.Option(
             metavar="CURVE",
-            help=f"Tone curve, of -o (.png, .jpg and movies) and of the page's view: {', '.join(CURVES)}; or a view of the farm's "
+            help=f"Tone curve, of -o (.png, .jpg, movies) and of the page's view: {', '.join(CURVES)}; or a view of the farm's "
             "OCIO config, `ocio:VIEW`.",
             rich_help_panel=OUTPUT_PANEL,
         ),
