@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from rayfarm.responses import Frame, Job
 from renderer.frames import DENOISED_REACH, frame_name, frame_text, frames_text, parse_frames
 from service.watching.movie import is_movie
 
-__all__ = ["FarmShot", "fetch_shot"]
+__all__ = ["FarmShot", "fetch_shot", "look_of_file"]
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class FarmShot:
     output: Path | None
     aov: str | None
     denoise: bool
+    look: Mapping[str, Any]  # exposure and tone curve of the files; only those that are given
 
     @classmethod
     def from_options(
@@ -42,11 +44,12 @@ class FarmShot:
         aov: str | None,
         denoise: bool,
         overwrite: bool,
+        look: Mapping[str, Any],
     ) -> FarmShot | None:
         """Returns the shot from command line options; None for a still image of the scene's start.
 
-        options: fps, clip, turntable etc.; None if not given. Raises CommandError if the file names are not distinct, or the
-        files cannot be written.
+        options: fps, clip, turntable etc.; None if not given. look: as the attribute. Raises CommandError if the file names are
+        not distinct, or the files cannot be written.
         """
         request = {name: value for name, value in options.items() if value is not None}
         if frames is None and frame is None and not request:
@@ -54,7 +57,7 @@ class FarmShot:
         if frames is not None and frame is not None:
             raise CommandError("--frame and --frames were both given; --frames 7,9-12 names any of them")
         numbers = parse_frames(frames) if frames is not None else [frame or 0.0]
-        shot = cls(numbers, numbers, request, output, aov, denoise)
+        shot = cls(numbers, numbers, request, output, aov, denoise, look)
         if output is None:
             return shot
         if len(numbers) > 1 and not is_movie(output) and "#" not in output.name:
@@ -66,7 +69,7 @@ class FarmShot:
         check_writable(shot.file(numbers[0]))
         if is_movie(output) or frames is None or overwrite:
             return shot
-        return cls(numbers, [n for n in numbers if not all(map(_is_there, shot.files(n)))], request, output, aov, denoise)
+        return cls(numbers, [n for n in numbers if not all(map(_is_there, shot.files(n)))], request, output, aov, denoise, look)
 
     def file(self, frame: float) -> Path:
         """Returns the path of a frame's file."""
@@ -119,7 +122,7 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
     fetch_finished(state, frames)
     done = sum(frame.state == "finished" for frame in frames)
     if shot.output is not None and not writes_frames and done:
-        write(shot.output, farm.movie(job, shot.output.suffix.lower().lstrip(".")))
+        write(shot.output, farm.movie(job, shot.output.suffix.lower().lstrip("."), **shot.look))
         err.print(f"{shot.output} written, of {done} frames", markup=False, soft_wrap=True)
     elif writes_frames:
         err.print(f"{done} frames written", markup=False, soft_wrap=True)
@@ -142,13 +145,24 @@ def _fetch(farm: Client, job: Job, shot: FarmShot, frame: Frame) -> None:
     format = path.suffix.lower().lstrip(".").replace("jpeg", "jpg")
     if (job.settings or {}).get("deep"):  # before the picture: a run that continues fetches frames without one
         write(options.deep_name(path), farm.deep_image(job.id, frame.number))
-    write(path, farm.image(job.id, format, frame.number, aov=f"color,{shot.aov}" if shot.aov else "color"))
+    look = look_of_file(shot.look, format)
+    write(path, farm.image(job.id, format, frame.number, aov=f"color,{shot.aov}" if shot.aov else "color", **look))
 
 
 def _fetch_denoised(farm: Client, job: Job, shot: FarmShot, frame: float) -> None:
     path = shot.file(frame)
     format = path.suffix.lower().lstrip(".").replace("jpeg", "jpg")
-    write(options.denoised_name(path), farm.image(job.id, format, frame, denoise=True, in_shot=True))
+    write(
+        options.denoised_name(path),
+        farm.image(job.id, format, frame, denoise=True, in_shot=True, **look_of_file(shot.look, format)),
+    )
+
+
+def look_of_file(look: Mapping[str, Any], format: str) -> dict[str, Any]:
+    """Returns the part of `look` that applies to a picture's format: exposure and tone curve, neither in linear formats."""
+    if format in ("exr", "hdr"):
+        return {}
+    return {name: value for name, value in look.items() if name == "exposure" or format in ("png", "jpg")}
 
 
 def _is_there(path: Path) -> bool:

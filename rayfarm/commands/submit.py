@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -19,9 +20,10 @@ from rayfarm.output_files import check_still_size, check_writable, write
 from rayfarm.picture import Picture, takes_picture
 from rayfarm.responses import Job, Scene
 from rayfarm.scene_files import files_to_upload, is_numbered, relative_to_root
-from rayfarm.shot import FarmShot, fetch_shot
+from rayfarm.shot import FarmShot, fetch_shot, look_of_file
 from rayfarm.strict import refuse_warnings
 from renderer.frames import frames_text
+from renderer.image.tonemap import CURVES
 from renderer.work import DEFAULT_SIZE
 from service.clock import deadline_of
 from service.watching.movie import MOVIES
@@ -29,6 +31,7 @@ from service.watching.movie import MOVIES
 __all__ = ["register"]
 
 QUEUE = "Among other jobs"
+OUTPUT_PANEL = "What is written"
 FORMATS = ("png", "exr", "jpg", "avif", "jxl")
 TEMPLATE_OPTIONS = ("frame", "fps", "clip", "turntable", "variant", "aov", "denoise", "strict", "root")
 
@@ -67,6 +70,24 @@ def submit(
     every: options.Every = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
+    exposure: Annotated[
+        float,
+        typer.Option(
+            min=-32,
+            max=32,
+            help="Exposure in stops, of -o and of the page's view; not of .exr and .hdr.",
+            rich_help_panel=OUTPUT_PANEL,
+        ),
+    ] = 0.0,
+    tonemap: Annotated[
+        str,
+        typer.Option(
+            metavar="CURVE",
+            help=f"Tone curve, of -o (.png, .jpg, movies) and of the page's view: {', '.join(CURVES)}; or a view of the farm's "
+            "OCIO config, `ocio:VIEW`.",
+            rich_help_panel=OUTPUT_PANEL,
+        ),
+    ] = "neutral",
     project: Annotated[
         str,
         typer.Option(
@@ -138,6 +159,7 @@ def submit(
             "clip": clip,
             "turntable": turntable,
         }
+        given |= {"exposure": exposure or None, "tonemap": None if tonemap == "neutral" else tonemap}
         given |= {"aov": aov, "root": root, **picture.given, "denoise": denoise or None, "strict": strict or None}
         among: dict[str, Any] = {
             "server": server,
@@ -152,9 +174,10 @@ def submit(
         return None
     if param:
         raise CommandError(f"--param goes with a job template, and {scene.name} is none")
+    look = {**({"exposure": exposure} if exposure else {}), **({} if tonemap == "neutral" else {"tonemap": tonemap})}
     moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
     _check_output_format(output, is_shot=frames is not None)
-    shot = FarmShot.from_options(frames, frame, moving, output, aov, denoise, overwrite)
+    shot = FarmShot.from_options(frames, frame, moving, output, aov, denoise, overwrite, look)
     if shot is not None and picture.changes_view_partly():
         raise CommandError("A farm needs a camera of the scene or a complete view: give both --eye and --target")
     if overwrite and frames is None:
@@ -188,7 +211,7 @@ def submit(
             asked["environment"]["image"] = farm.upload_environment(image, project).id
         if shot is not None:
             asked |= {**shot.request, "frames": frames_text(shot.frames)}
-        chosen = {**place, "variant": variant, "fresh": fresh or None, "strict": strict or None}
+        chosen = {**place, **look, "variant": variant, "fresh": fresh or None, "strict": strict or None}
         # As the page does: a still is shown denoised where a worker can denoise. Its film stays as it is.
         chosen["denoise"] = denoise or (shot is None and any(worker.denoises for worker in farm.workers())) or None
         asked |= {name: value for name, value in chosen.items() if value is not None and value != []}
@@ -196,7 +219,7 @@ def submit(
         out.print(job.id, markup=False)
         _report_reused_samples(job)
         if wait or output is not None:
-            _wait_for_job(farm, job.id, output, aov, denoise, shot)
+            _wait_for_job(farm, job.id, output, aov, denoise, look, shot)
         else:
             err.print(f"Watch it at {farm.url}/#/jobs/{job.id}", markup=False, soft_wrap=True)
         return job.id
@@ -304,7 +327,13 @@ def _wait_until_prepared(farm: Client, uploaded: Scene) -> Scene:
 
 
 def _wait_for_job(
-    farm: Client, job: str, output: Path | None, aov: str | None, denoise: bool, shot: FarmShot | None = None
+    farm: Client,
+    job: str,
+    output: Path | None,
+    aov: str | None,
+    denoise: bool,
+    look: Mapping[str, Any],
+    shot: FarmShot | None,
 ) -> None:
     ticker = PlainProgress()
     try:
@@ -329,11 +358,12 @@ def _wait_for_job(
     if output is None:
         return
     try:
-        write(output, farm.image(job, _format(output), aov=f"color,{aov}" if aov else "color"))
+        own = look_of_file(look, _format(output))
+        write(output, farm.image(job, _format(output), aov=f"color,{aov}" if aov else "color", **own))
         err.print(f"{output} written", markup=False, soft_wrap=True)
         if denoise:
             clean = options.denoised_name(output)
-            write(clean, farm.image(job, _format(output), denoise=True))
+            write(clean, farm.image(job, _format(output), denoise=True, **own))
             err.print(f"{clean} written", markup=False, soft_wrap=True)
         if (final.settings or {}).get("deep"):
             deep = options.deep_name(output)

@@ -14,8 +14,9 @@ __all__ = ["picture_hash"]
 # other field makes two shots different.
 _SIZE_AND_GOAL_FIELDS = {"scene", "name", "spp", "noise", "seconds", "width", "height", "tile_size"}
 _FRAME_FIELDS = {"frames", "frame", "fps", "clip", "turntable", "order", "every"}
-_QUEUE_FIELDS = {"priority", "after", "max_slots", "deadline", "needs", "verify", "fresh", "denoise"}
-IGNORED_FIELDS = _SIZE_AND_GOAL_FIELDS | _FRAME_FIELDS | _QUEUE_FIELDS
+_QUEUE_FIELDS = {"priority", "after", "max_slots", "deadline", "needs", "verify", "fresh"}
+_DISPLAY_FIELDS = {"denoise", "exposure", "tonemap"}
+IGNORED_FIELDS = _SIZE_AND_GOAL_FIELDS | _FRAME_FIELDS | _QUEUE_FIELDS | _DISPLAY_FIELDS
 
 
 def picture_hash(job: Job) -> str | None:

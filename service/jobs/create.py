@@ -186,9 +186,10 @@ def _fields_not_stored(request: JobIn) -> set[str]:
 
     Requests stored by older releases lack these fields, and compare equal to a request in which they have the defaults.
     """
-    names = ("denoise", "fresh", "strict", "vary", "verify", "views")
+    names = ("denoise", "exposure", "fresh", "strict", "vary", "verify", "views")
     said = {name for name, value in (("verify", request.verify == 0), ("vary", request.vary is False)) if value}
-    return {name for name in names if not getattr(request, name)} - said
+    usual = {"tonemap"} if request.tonemap == JobIn.model_fields["tonemap"].default else set()
+    return {name for name in names if not getattr(request, name)} - said | usual
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from service.jobs.queue import waits_of, waits_sentence, warning_of
 from service.jobs.shot_sums import ShotSums, sums_of
 from service.models.jobs import (
     FrameState,
+    JobIn,
     JobOut,
     ShotOut,
     TakenOut,
@@ -166,6 +167,8 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
         up=job.request.get("up"),
         floor=job.request.get("floor"),
         denoise=bool(job.request.get("denoise")),
+        exposure=job.request.get("exposure", 0.0),
+        tonemap=job.request.get("tonemap", JobIn.model_fields["tonemap"].default),
         pinned=bool(job.pinned),
         taken=TakenOut(**job.taken) if job.taken else None,
         doubted=job.doubted or [],

@@ -190,6 +190,10 @@ class JobIn(QueueOptionsIn):
         None, ge=0, le=1, description="share of the batches that is rendered twice and compared; null: the farm's setting"
     )
     denoise: bool = Field(False, description="whether the page shows and saves denoised pictures by default")
+    exposure: float = Field(
+        0.0, ge=-32, le=32, allow_inf_nan=False, description="stops by which the page brightens the picture by default"
+    )
+    tonemap: str = Field("neutral", max_length=400, description="tone curve with which the page shows the picture by default")
     strict: bool = Field(False, description="whether warnings of the scene are errors")
     fresh: bool = Field(False, description="whether to render from the first sample, without reusing samples of earlier jobs")
 
@@ -433,6 +437,8 @@ class JobOut(QueueOut):
     up: str | None = Field(description="up axis, as requested")
     floor: str | None = Field(description="floor below the scene, as requested")
     denoise: bool = Field(description="whether the page shows and saves denoised pictures by default")
+    exposure: float = Field(0.0, description="stops by which the page brightens the picture by default")
+    tonemap: str = Field("neutral", description="tone curve with which the page shows the picture by default")
     pinned: bool = Field(description="whether retention rules keep the film and the scene's files")
     note: str | None = Field(description="note on the job, plain text")
     review: ReviewOut | None = Field(default=None, description="verdict and counts of notes; null: neither")

@@ -70,6 +70,7 @@ def create_job(
     traceparent: TraceParent = None,
 ) -> JobOut:
     """Creates a job that renders a scene. If the scene is still being prepared, the job waits for it. 507 if the disk is full."""
+    farm.curves.find(request.tonemap)
     created = create(request, visit, farm, idempotency_key, traceparent)
     response.headers["Location"] = f"/api/jobs/{created.job.id}"
     if created.is_repeat:

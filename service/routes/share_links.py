@@ -77,6 +77,8 @@ class SharedJob(BaseModel):
     samples_per_pixel: int | None = Field(description="goal: samples per pixel; null: the goal is a noise level or a time")
     frames: list[float] = Field(description="numbers of the frames; a still has one")
     expires: float | None = Field(description="Unix time of the link's end")
+    exposure: float = Field(description="stops by which the page brightens the picture by default")
+    tonemap: str = Field(description="tone curve with which the page shows the picture by default")
     may_comment: bool = Field(description="whether the link allows notes and a verdict")
     review: ReviewOut | None = Field(description="verdict and counts of notes; null: none, or the link only shows the picture")
 
@@ -172,6 +174,8 @@ def _shared_job(share: Share, farm: Farm) -> SharedJob:
         samples_per_pixel=job.spp,
         frames=numbers or [0.0],
         expires=share.expires,
+        exposure=job.exposure,
+        tonemap=job.tonemap,
         may_comment=(comments := may_comment(share, farm)),
         review=job.review if comments else None,
     )

@@ -31,7 +31,7 @@ QUALITY = 80  # of a stored WebP
 # Fields of a job's request that a live view does not read.
 JOB_ONLY = {
     *("scene", "name", "views", "vary", "spp", "noise", "seconds", "tile_size", "priority", "frames", "order", "every"),
-    *("verify", "denoise", "strict", "fresh"),
+    *("verify", "denoise", "exposure", "tonemap", "strict", "fresh"),
     *QueueOptionsIn.model_fields,
 }
 

@@ -61,7 +61,7 @@ const pictureVersion = () => `${shownFrame()} ${job.samples}`;
 
 /** @param {number} frame @param {boolean} [isRaw] whether it has its noise although the link asks for the denoised picture */
 function imagePath(frame, isRaw = false) {
-  const wish = new URLSearchParams(look);
+  const wish = new URLSearchParams({ exposure: job.exposure, tonemap: job.tonemap, ...Object.fromEntries(look) });
   wish.set("frame", String(frame));
   if (isRaw) wish.delete("denoise");
   return `/api/shared/image.png?${wish}`;

@@ -284,7 +284,7 @@ def _tone_mapped(film: Film, frame: int, request: PictureRequest, side: int) -> 
     exposure = request.exposure
     if request.visible:
         parts = [*parts]
-        dark = darkness(np.concatenate(parts)[..., :3])
+        dark = darkness(np.concatenate(parts)[..., :3] * np.float32(2.0**exposure))
         exposure += dark.exposure if dark else 0.0
     for band in parts:
         if _has_alpha(film, request):

@@ -86,7 +86,9 @@ def test_share_link_is_created_opened_and_revoked(browser: Browser, studio: Stud
     expect(guest.get_by_role("link", name="Save PNG")).to_have_attribute("download", "The cover.png")
     expect(guest.get_by_role("heading", name="Notes")).to_be_hidden()
     (picture,) = {url for url in requested if "/shared/image.png" in url}
-    assert parse_qs(urlsplit(picture).query) == {"exposure": ["0.5"], "frame": ["0"]}, "the guest sees what anna saw"
+    assert parse_qs(urlsplit(picture).query) == {"exposure": ["0.5"], "tonemap": ["neutral"], "frame": ["0"]}, (
+        "the guest sees what anna saw"
+    )
     assert not [url for url in requested if "rayfarm-share-" in url.partition("#")[0]], "the secret is never in a URL"
 
     share = anna.get_by_role("region", name="Share")

@@ -274,6 +274,30 @@ def test_still_is_shown_denoised_where_a_worker_denoises(
     assert [asked.get("denoise", False) for asked in submitted] == [is_shown]
 
 
+@pytest.mark.parametrize(("name", "query"), [("out.png", b"exposure=1.5&tonemap=agx"), ("out.exr", b"")])
+def test_look_is_the_jobs_and_the_files(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str, query: bytes
+) -> None:
+    requests, submitted = [], []
+
+    def submit(self: Client, scene: str, **asked: Any) -> Job:
+        submitted.append(asked)
+        return read(Job, OLD["job"])
+
+    def answer(request: bytes) -> bytes:
+        requests.append(request)
+        return farm_that("finished", b"picture")(request)
+
+    given = ("-o", tmp_path / name, "--exposure=1.5", "--tonemap=agx")
+    monkeypatch.setattr(Client, "submit", submit)
+    with foreign_server(answer) as port:
+        code, _, err = command(capsys, "submit", CORNELL, *given, f"--server=127.0.0.1:{port}")
+    assert code == 0, err
+    assert [(asked["exposure"], asked["tonemap"]) for asked in submitted] == [(1.5, "agx")]
+    (picture,) = (request.split()[1] for request in requests if b"/image." in request)
+    assert query in picture and (b"exposure" in picture) == bool(query)
+
+
 def test_failed_job_prints_its_error(capsys: pytest.CaptureFixture[str]) -> None:
     for state, words in (("failed", "The disk is full."), ("cancelled", "was cancelled before it was finished")):
         with foreign_server(farm_that(state)) as port:

@@ -1,4 +1,4 @@
-"""Tests of the drafts of a view's session."""
+"""Tests of the drafts and denoised pictures of a view's session."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocol.pictures import DRAFT, VIEW
+from protocol.pictures import DRAFT, VIEW, decode_view
 from renderer.film import SAMPLES, plane_count
+from renderer.image import rgbe9995
 from renderer.settings import RenderSettings, View
 from service.viewing import session as view_session
 from service.viewing.passes import DraftSize, Piece
@@ -102,6 +103,19 @@ def test_first_picture_follows_a_draft_of_reduced_size_at_once(session: ViewSess
 def test_denoised_and_transparent_views_have_no_draft(session: ViewSession, about: dict[str, Any]) -> None:
     show(session, 1, **about)
     assert session.draft_size is None and session.piece_wait_s <= 0
+
+
+def test_denoised_picture_is_exact_before_the_view_is_complete(session: ViewSession) -> None:
+    """The steps of coarse brightness, 2 %, are blotches where noise does not hide them."""
+    show(session, 1, denoises=True)
+    add_samples(session, 0, 1)
+    width, height = session.begin_denoising() or (0, 0)
+    gradient = np.full((height, width, 3), np.linspace(0.46, 0.5, width, dtype=np.float32)[:, None], np.float32)
+    session.end_denoising(rgbe9995.pack(gradient).astype("<u4").tobytes())
+    packet = session.take_packet(1)
+    assert packet is not None
+    (tile,) = decode_view(packet).tiles
+    np.testing.assert_allclose(tile.mean, np.moveaxis(gradient, -1, 0), rtol=2.0**-9)
 
 
 def test_view_whose_draft_is_lost_is_rendered_without(session: ViewSession) -> None:

@@ -116,6 +116,8 @@ def test_visible_option_exposes_dark_picture(small: Film, tmp_path: Path) -> Non
     assert black.max() < 20 < 100 < shown.max()
     plain, same_again = (made(small, PictureRequest("png", visible=visible), tmp_path) for visible in (False, True))
     assert plain == same_again
+    exposed = [made(small, PictureRequest("png", exposure=2.0, visible=visible), tmp_path) for visible in (False, True)]
+    assert exposed[0] == exposed[1], "a picture that its exposure shows"
 
 
 @pytest.mark.long

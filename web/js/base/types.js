@@ -136,6 +136,8 @@
  * @property {string | null} [variant] as requested
  * @property {string | null} [up] likewise
  * @property {string | null} [floor] likewise
+ * @property {number} [exposure] of the page's display, in stops
+ * @property {string} [tonemap] likewise
  * @property {boolean} [denoise] shown denoised first, once it is finished
  * @property {boolean} [pinned] exempt from retention rules
  * @property {string | null} [note] a user's note
@@ -224,6 +226,8 @@
  * @property {string} [up] the axis that is up, or "auto"
  * @property {string} [floor] "on", "off" or "auto"
  * @property {boolean} [denoise]
+ * @property {number} [exposure] in stops
+ * @property {string} [tonemap]
  * @property {string | number} [camera] by its name, or by its number
  * @property {View} [view]
  * @property {string} [name]

@@ -4,10 +4,10 @@ import { DENOISED, MIX } from "./channels.js";
 import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { workers } from "../news/farm.js";
 import { LiveFilm } from "./live-film.js";
+import { jobLook, lookOfJob } from "./job-look.js";
 import { isMixed } from "./light-mix.js";
 import { pictureStage } from "./picture-stage.js";
 import { outlinesOf } from "./tile-outlines.js";
-import { DEFAULT_CURVE } from "./tonemap.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -120,9 +120,9 @@ const POSTER_WIDTH = 320;
 function posterOf(job, frame, { exposure, curve, channel }) {
   const { id, samples } = job;
   if (!samples || channel) return null;
-  const usual = exposure === 0 && curve === DEFAULT_CURVE;
+  const usual = jobLook(job);
   /** @type {Record<string, string | number>} */
-  const look = usual ? { visible: "true", v: samples } : { v: samples, exposure, tonemap: curve };
+  const look = exposure === usual.exposure && curve === usual.curve ? { visible: "true", ...lookOfJob(job), v: samples } : { v: samples, exposure, tonemap: curve };
   const url = (/** @type {Record<string, string | number>} */ query) => imageUrl({ job: id, frame }, thumbnailFormat(job), { ...query, ...look });
   return { near: url({ width: POSTER_WIDTH }), clean: url({ denoise: "true", preview: "true", wait: "false" }) };
 }

@@ -3,6 +3,7 @@
  * URL modify.
  */
 
+import { jobLook } from "../film/job-look.js";
 import { channels, lightGroupOf, lightGroups } from "../film/channels.js";
 import { PARTS } from "../film/film-shader.js";
 import { mayHaveHighRange } from "../film/high-range.js";
@@ -40,16 +41,18 @@ const EXPOSURE_RANGE = 16;
 const HIGH_KEY = "rayfarm-hdr";
 
 /**
- * @param {Record<string, any> | null} settings the job's, for its light groups
+ * @param {Pick<import("../base/types.js").Job, "settings" | "exposure" | "tonemap">} job for its light groups, and its look where the URL has none
  * @returns {Store<Display>} initialized from the URL, and written back to it
  */
-export function displayFromUrl(settings) {
+export function displayFromUrl(job) {
+  const { settings } = job;
+  const usual = jobLook(job);
   const { params } = here();
   const channel = params.get("aov") ?? "";
   const denoise = DENOISE_MODES.find((mode) => mode === params.get("denoise")) ?? "off";
   /** @type {Store<Display>} */
   const store = new Store({
-    ...lookFromUrl(params),
+    ...lookFromUrl(params, usual),
     channel: lightGroupOf(channel) !== null || channels().some(({ name }) => name === channel) ? channel : "",
     part: PARTS.some(({ name }) => name === params.get("part")) ? (params.get("part") ?? "") : "",
     pins: pinsFrom(params.get("pins")),
@@ -68,7 +71,7 @@ export function displayFromUrl(settings) {
     timer = setTimeout(() => {
       if (here().path.join() !== path.join()) return;
       setParams({
-        ...lookParams({ exposure, curve }),
+        ...lookParams({ exposure, curve }, usual),
         aov: channel || null,
         part: part || null,
         pins: pinsText(pins),
@@ -99,19 +102,21 @@ function keepHigh(on) {
   }
 }
 
-/** @param {URLSearchParams} params @returns {{exposure: number, curve: string}} */
-export function lookFromUrl(params) {
-  const curve = params.get("tone") ?? DEFAULT_CURVE;
+/** @typedef {{exposure: number, curve: string}} Look */
+
+/** @param {URLSearchParams} params @param {Look} usual where the URL has none @returns {Look} */
+export function lookFromUrl(params, usual) {
+  const curve = params.get("tone") ?? usual.curve;
   return {
-    exposure: clampExposure(Number(params.get("ev") ?? 0) || 0),
+    exposure: clampExposure(Number(params.get("ev") ?? usual.exposure) || 0),
     curve: isCurve(curve) ? curve : DEFAULT_CURVE,
   };
 }
 
-/** @param {{exposure: number, curve: string}} look @returns {Record<string, string | null>} for the URL */
-export const lookParams = ({ exposure, curve }) => ({
-  ev: exposure === 0 ? null : String(exposure),
-  tone: curve === DEFAULT_CURVE ? null : curve,
+/** @param {Look} look @param {Look} usual without a parameter @returns {Record<string, string | null>} for the URL */
+export const lookParams = ({ exposure, curve }, usual) => ({
+  ev: exposure === clampExposure(usual.exposure) ? null : String(exposure),
+  tone: curve === usual.curve ? null : curve,
 });
 
 /** @param {string | null} text of the URL @returns {number} 0..1; 0.5 if the URL has none */

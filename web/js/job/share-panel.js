@@ -1,7 +1,7 @@
 /** Links that show a job to people without an account: create, copy, withdraw. */
 
 import { getShares, makeShare, withdrawShare } from "../news/access.js";
-import { DEFAULT_CURVE } from "../film/tonemap.js";
+import { jobLook } from "../film/job-look.js";
 import { fill, h } from "../base/dom.js";
 import { command } from "../shell/hints.js";
 import { announce, showError } from "../shell/tray.js";
@@ -22,15 +22,16 @@ const PERMISSIONS = [
   ["comment", t("View and notes"), t("Shows this picture and its notes, without an account; guests can write notes and approve. The address is shown only once.")],
 ];
 
-/** Parameters that a picture has without them. @type {Record<string, string | number>} */
-const USUAL = { exposure: 0, tonemap: DEFAULT_CURVE };
-
 /**
- * @param {string} job its id
+ * @param {import("../base/types.js").Job} shown
  * @param {() => Record<string, string | number>} look parameters of the picture as it is displayed, which links carry
  * @returns {HTMLElement}
  */
-export function sharePanel(job, look) {
+export function sharePanel(shown, look) {
+  const job = shown.id;
+  const { exposure, curve } = jobLook(shown);
+  /** Parameters that a link's picture has without them. @type {Record<string, string | number>} */
+  const usual = { exposure, tonemap: curve };
   const days = h("select", { "aria-label": t("Lasts") }, LASTING.map(([value, label]) => h("option", { value, selected: value === 7 }, label)));
   const permission = h("select", { "aria-label": t("Allows") }, PERMISSIONS.map(([value, label]) => h("option", { value }, label)));
   const create = h("button", { class: "button small", type: "button", onclick: () => make() }, t("Create link"));
@@ -47,7 +48,7 @@ export function sharePanel(job, look) {
     try {
       const [allowed, , words] = PERMISSIONS[permission.selectedIndex] ?? ["view", "", ""];
       const url = await makeShare(job, Number(days.value), allowed);
-      const changed = Object.entries(look()).filter(([name, value]) => USUAL[name] !== value);
+      const changed = Object.entries(look()).filter(([name, value]) => usual[name] !== value);
       const query = new URLSearchParams(changed.map(([name, value]) => [name, String(value)]));
       fill(made, command(query.size ? `${url}?${query}` : url, t("Copy the link")), h("p", { class: "quiet small" }, words));
       announce(t("Link created"));

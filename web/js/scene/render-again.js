@@ -4,6 +4,7 @@ import { createJob } from "../news/api.js";
 import { adoptJob, scenes } from "../news/farm.js";
 import { Film } from "../film/film.js";
 import { keepFirstLook } from "../film/first-look.js";
+import { lookOfJob } from "../film/job-look.js";
 import { go } from "../shell/router.js";
 import { showError } from "../shell/tray.js";
 import { startOfJob } from "./form-start.js";
@@ -23,7 +24,7 @@ export async function renderAgain(job, changes, { film, shown }) {
   if (!scene) return;
   const form = settingsForm(scene, async () => {}, startOfJob({ ...job, settings: { ...job.settings, ...changes } }));
   try {
-    const next = await createJob(form.request(), crypto.randomUUID?.() ?? String(Math.random()));
+    const next = await createJob({ ...form.request(), ...lookOfJob(job) }, crypto.randomUUID?.() ?? String(Math.random()));
     const { width, height, words } = shown();
     const look = new Film(width, height, words);
     look.total = film.total;

@@ -3,6 +3,7 @@
  * its page. (No double click: the first click changes the layout, and the strip moves.)
  */
 
+import { lookOfJob } from "../film/job-look.js";
 import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { showImage } from "../news/images.js";
 import { h, keyedList, setText } from "../base/dom.js";
@@ -96,7 +97,7 @@ function tile(job, clicked, sides) {
       if (next.samples <= 0) return;
       shown = next.state;
       at = performance.now();
-      showImage(image, imageUrl({ job: next.id, frame: firstFrame(next) }, thumbnailFormat(next), { width: 240, visible: "true", v: next.samples })).then(
+      showImage(image, imageUrl({ job: next.id, frame: firstFrame(next) }, thumbnailFormat(next), { width: 240, visible: "true", ...lookOfJob(next), v: next.samples })).then(
         () => button.removeAttribute("title"),
         ({ message }) => ((image.hidden = true), (button.title = message)),
       );

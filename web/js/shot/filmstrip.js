@@ -1,5 +1,6 @@
 /** The filmstrip: thumbnails of all frames with number, state and noise. Only visible ones exist in the DOM. */
 
+import { lookOfJob } from "../film/job-look.js";
 import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
 import { freshId } from "../forms/fields.js";
@@ -84,7 +85,7 @@ export function filmstrip(job, frames, life) {
     const finished = frame?.state === "finished";
     if (samples && (samples >= cell.pictured * WORTH || (finished && samples !== cell.pictured) || samples < cell.pictured)) {
       cell.pictured = samples;
-      queue.ask(cell.image, imageUrl({ job: job.id, frame: cell.number }, thumbnailFormat(job), { width: THUMB_WIDTH, v: samples }));
+      queue.ask(cell.image, imageUrl({ job: job.id, frame: cell.number }, thumbnailFormat(job), { width: THUMB_WIDTH, ...lookOfJob(job), v: samples }));
     }
   };
 

@@ -1,5 +1,6 @@
 /** The comparison view: two jobs, snapshots, planes, or uploaded pictures. */
 
+import { jobLook } from "../film/job-look.js";
 import { getJob } from "../news/api.js";
 import { differenceTable, progressOf, sideChoice } from "../compare/compare-panel.js";
 import { clampExposure, lookFields, lookFromUrl, lookParams, wipeFrom } from "../job/display-panel.js";
@@ -72,8 +73,10 @@ export function compareView(a, b) {
     frame: frameFrom(params.get("frame")),
     wipe: wipeFrom(params.get("wipe")),
     way: wayFrom(params.get("way")),
-    ...lookFromUrl(params),
+    ...lookFromUrl(params, lookOf(a)),
   });
+  /** Whether the default look, that of the first picture, is known. */
+  let hasLook = false;
   /**
    * The open comparison, closed before the next opens.
    * @type {{key: string, life: Disposer, update: (a: Picture, b: Picture) => void} | null}
@@ -114,6 +117,10 @@ export function compareView(a, b) {
     }
     const [first, second] = ids.map((id) => pictureOf(id, all));
     if (!first || !second) return;
+    if (!hasLook) {
+      hasLook = true;
+      state.update((now) => ({ ...now, ...lookFromUrl(params, lookOf(a)) }));
+    }
     const key = `${first.id} ${second.id}`;
     if (opened?.key !== key) {
       opened?.life.dispose();
@@ -133,6 +140,9 @@ export function compareView(a, b) {
   life.add(rememberComparison(state));
   return { element, dispose: () => life.dispose() };
 }
+
+/** @param {string} id as the address has it @returns {import("../job/display-panel.js").Look} its default, once it is known */
+const lookOf = (id) => jobLook(jobs.value?.find((job) => job.id === id));
 
 /** @param {string} id as the address has it @param {Job[]} all @returns {Picture | null} null: not known yet */
 function pictureOf(id, all) {
@@ -178,7 +188,7 @@ function rememberComparison(state) {
           frame: frame === null ? null : String(frame),
           wipe: wipe === 0.5 ? null : wipe.toFixed(3),
           way: way === "wipe" ? null : way,
-          ...lookParams({ exposure, curve }),
+          ...lookParams({ exposure, curve }, lookOf(a)),
         },
         ["compare", a, b],
       );

@@ -1,5 +1,6 @@
 /** A job's row in a list. */
 
+import { lookOfJob } from "../film/job-look.js";
 import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { showImage } from "../news/images.js";
 import { h, setFacts, setText } from "../base/dom.js";
@@ -102,7 +103,7 @@ export function jobRow(job, lead) {
       if (next.samples > 0 && due && !document.hidden) {
         picturedAt = now;
         picturedState = next.state;
-        const url = imageUrl({ job: next.id, frame: firstFrame(next) }, thumbnailFormat(next), { width: 320, visible: "true", v: next.samples });
+        const url = imageUrl({ job: next.id, frame: firstFrame(next) }, thumbnailFormat(next), { width: 320, visible: "true", ...lookOfJob(next), v: next.samples });
         showImage(image, url).then(
           () => (box.removeAttribute("title"), markBlack(box, image)),
           ({ message }) => ((image.hidden = true), (box.title = message)),

@@ -106,7 +106,7 @@ export function jobView(id) {
  */
 function open(page, job, life) {
   let latest = job;
-  const display = displayFromUrl(job.settings);
+  const display = displayFromUrl(job);
   const normalise = () => {
     const exposure = picture.film.normalisingExposure();
     if (exposure != null) display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
@@ -172,7 +172,7 @@ function open(page, job, life) {
     { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element] },
     { name: "lights", label: t("Lights"), content: [lightMixer(display, () => latest, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture))] },
     { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
-    { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id, () => lookQuery(display.value))] },
+    { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job, () => lookQuery(display.value))] },
     { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },
   ]);
   life.add(addPart("tab", { get: tabs.current, set: tabs.show }));

@@ -1,5 +1,6 @@
 /** A machine of the farm: the work of its slots, its state, and actions. */
 
+import { lookOfJob } from "../film/job-look.js";
 import { changeWorker, getWorkerLog, imageUrl, thumbnailFormat } from "../news/api.js";
 import { QUARANTINED, hasCode } from "../base/codes.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
@@ -185,7 +186,7 @@ function slotTile() {
         image.hidden = true; // otherwise the previous picture would briefly show under another name
         image.removeAttribute("src");
       }
-      const source = shown && imageUrl(shown, thumbnailFormat(job), { width: 320, v: turn });
+      const source = shown && imageUrl(shown, thumbnailFormat(job), { width: 320, ...lookOfJob(job), v: turn });
       if (source && !document.hidden && image.getAttribute("src") !== source) image.src = source;
     },
   };

@@ -1,5 +1,6 @@
 /** A scene's card on the front page. */
 
+import { lookOfJob } from "../film/job-look.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { deleteScene, imageUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
 import { h, setFacts, setText } from "../base/dom.js";
@@ -113,7 +114,7 @@ function renderedOf({ id }) {
 }
 
 /** The address of a job's picture on a scene's card. @param {Job} job */
-export const cardPicture = (job) => imageUrl({ job: job.id, frame: firstFrame(job) }, thumbnailFormat(job), { width: 480, visible: "true", v: job.samples });
+export const cardPicture = (job) => imageUrl({ job: job.id, frame: firstFrame(job) }, thumbnailFormat(job), { width: 480, visible: "true", ...lookOfJob(job), v: job.samples });
 
 /** @param {Scene} scene @returns {string[]} */
 function shortFacts(scene) {

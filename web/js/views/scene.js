@@ -21,7 +21,8 @@ import { addShortcuts } from "../shell/shortcuts.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
-import { lookParams } from "../job/display-panel.js";
+import { clampExposure } from "../job/display-panel.js";
+import { lookOfJob } from "../film/job-look.js";
 import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { prepareSteps, stepOf } from "../scene/prepare-steps.js";
@@ -202,13 +203,14 @@ function ready(page, scene, life) {
   const notice = h("div", { class: "notice-slot" });
   const submit = async (/** @type {import("../base/types.js").JobRequest} */ request) => {
     try {
+      const { exposure, curve } = view.look();
+      const look = lookOfJob({ exposure: clampExposure(exposure), tonemap: curve });
       // One key per click, so that a repeated request creates only one job.
-      const job = await createJob(request, crypto.randomUUID?.() ?? String(Math.random()));
+      const job = await createJob({ ...request, ...look }, crypto.randomUUID?.() ?? String(Math.random()));
       keepFirstLook(job.id, view.firstLook());
       adoptJob(job);
       if (here().path.join() !== path) return; // the user has left the page meanwhile
-      const params = Object.entries(lookParams(view.look())).filter(([, value]) => value !== null);
-      location.hash = linkTo("jobs", job.id) + (params.length ? `?${new URLSearchParams(/** @type {string[][]} */ (params))}` : "");
+      location.hash = linkTo("jobs", job.id);
     } catch (error) {
       showError(t("The job could not be started"), error);
     }
@@ -279,7 +281,8 @@ function viewOf(scene, form, sides, life) {
   const example = linked ? undefined : examplePictures.get(scene.id); // shown while the scene was prepared
   const picture = finished && imageUrl({ job: finished.id, frame: firstFrame(finished) }, thumbnailFormat(finished), { width: 800, visible: "true", v: finished.samples });
   const best = picture || example;
-  const smaller = finished && cardPicture(finished); // a card has shown it
+  // A card has shown it. With another exposure than the view's it would be another picture.
+  const smaller = finished && Object.keys(lookOfJob(finished)).length === 0 ? cardPicture(finished) : undefined;
   const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), nearest: smaller ?? "", isFinished: best !== undefined, isSame: !linked && !here().params.has("like") };
 
   /** @type {ReturnType<typeof setTimeout> | undefined} */
