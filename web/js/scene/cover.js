@@ -21,6 +21,7 @@ import { meshPicture } from "./view-pictures.js";
  * @property {string} nearest the same picture, smaller, which the page has loaded before; "": none
  * @property {boolean} isFinished
  * @property {boolean} isSame whether it is of the same view
+ * @property {{element: HTMLElement, isOpen: boolean, end: () => void}} steps of an upload, shown until the first picture
  * @property {boolean} [isClear] whether it was this very view when it was clear
  */
 
@@ -61,9 +62,10 @@ export class Cover {
    * @param {import("../film/film-canvas.js").FilmCanvas} page.picture
    * @param {import("./mesh-canvas.js").MeshCanvas} page.mesh
    * @param {() => View} page.view the present camera
+   * @param {() => void} page.laid called when the mesh that was awaited is shown
    * @param {() => boolean} page.willBeDenoised whether denoised pictures of the view come
    */
-  constructor(scene, meanwhile, { surface, canvas, picture, mesh, view, willBeDenoised }) {
+  constructor(scene, meanwhile, { surface, canvas, picture, mesh, view, laid, willBeDenoised }) {
     this.scene = scene;
     this.meanwhile = meanwhile;
     this.surface = surface;
@@ -71,6 +73,7 @@ export class Cover {
     this.picture = picture;
     this.mesh = mesh;
     this.view = view;
+    this.laid = laid;
     this.willBeDenoised = willBeDenoised;
     /** Whether a picture or draft of the view has arrived. */
     this.isSampled = false;
@@ -119,6 +122,12 @@ export class Cover {
     return !this.mesh.canvas.hidden;
   }
 
+  /** Whether the mesh is shown before a black background: nothing but the mesh is seen. */
+  get isBlackBehind() {
+    const { mesh } = this.mesh;
+    return this.isMeshShown && !this.hasKept && mesh !== null && !mesh.environment && !mesh.isStudio;
+  }
+
   /** Whether a picture is projected onto the mesh. */
   get hasKept() {
     return this.mesh.kept !== null;
@@ -135,6 +144,7 @@ export class Cover {
       if (this.isSampled || this.isDisposed || mesh.mesh === packet) return;
       mesh.setMesh(packet);
       this.layMesh();
+      this.laid();
     };
     void localMeshOf(scene.id).then((local) => local && !mesh.mesh && show(local.packet));
     meshOf(scene.id).then(show, () => {}); // the samples come without it

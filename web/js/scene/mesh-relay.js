@@ -14,15 +14,25 @@ let passed = null;
 
 const created = () => new MeshCanvas(h("canvas", { class: "mesh" }));
 
+/** Number of canvases that were taken. */
+let taken = 0;
+
+/** Calls a function when the page as it is now has been drawn, since a graphics card that compiles or draws a mesh may hold it up for seconds. @param {() => void} then */
+export const oncePainted = (then) => requestAnimationFrame(() => requestAnimationFrame(then));
+
 /** Compiles the programs of a canvas for a scene that is likely to come soon. */
 export function warmMesh() {
-  if (spare) return;
-  spare = created();
-  spare.compile();
+  const before = taken;
+  oncePainted(() => {
+    if (spare || taken !== before) return;
+    spare = created();
+    spare.compile();
+  });
 }
 
 /** Returns the canvas that the scene's last view passed on, with its mesh, or one without a mesh. @param {string} scene its id */
 export function takeMesh(scene) {
+  taken += 1;
   const mesh = passed?.scene === scene ? passed.mesh : (spare ?? created());
   if (mesh === spare) spare = null;
   else if (mesh === passed?.mesh) passed = null;

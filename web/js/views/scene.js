@@ -22,6 +22,8 @@ import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
 import { lookParams } from "../job/display-panel.js";
+import { PREPARING } from "../scene/clarity.js";
+import { oncePainted } from "../scene/mesh-relay.js";
 import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { prepareSteps, stepOf } from "../scene/prepare-steps.js";
@@ -56,7 +58,9 @@ export function sceneView(id) {
   /** @type {{status: string, update: (scene: Scene) => void} | null} */
   let part = null;
   const own = new Disposer(); // of the part
-  life.add(() => own.dispose());
+  /** The steps of an upload, until its first picture. */
+  const steps = prepareSteps(id);
+  life.add(() => (own.dispose(), (part = null)));
   life.add(
     scenes.subscribe((all) => {
       const scene = all?.find((candidate) => candidate.id === id);
@@ -68,7 +72,16 @@ export function sceneView(id) {
           }
           offer(element, scene.project);
           own.dispose();
-          part = { status: scene.status, update: { preparing, failed, ready }[scene.status](element, scene, own) };
+          const isFirst = part === null;
+          const mine = (part = { status: scene.status, update: (/** @type {Scene} */ _) => {} });
+          const open = () => (mine.update = { preparing, failed, ready }[scene.status](element, scene, own, steps));
+          // A view that takes the graphics card for seconds must not hold up the page: its outline is drawn first.
+          if (isFirst && scene.status === "ready") {
+            element.classList.add("workspace");
+            own.add(() => element.classList.remove("workspace"));
+            fill(element, heading(scene), outline());
+            oncePainted(() => part === mine && (own.dispose(), open()));
+          } else open();
         }
         part.update(scene);
         setTitle(scene.name);
@@ -105,20 +118,31 @@ function heading(scene) {
   );
 }
 
+/** A scene's page before its view: an empty one, which says so. */
+const outline = () =>
+  h(
+    "div",
+    { class: "workspace-columns" },
+    h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, h("div", { class: "view-pills" }, h("p", { class: "small view-state" }, PREPARING)))))),
+    h("div", { class: "workspace-side" }),
+  );
+
+/** @typedef {ReturnType<typeof prepareSteps>} Steps */
+
 /**
  * @param {HTMLElement} page
  * @param {Scene} scene
  * @param {Disposer} life
+ * @param {Steps} steps
  * @returns {(scene: Scene) => void}
  */
-function preparing(page, scene, life) {
+function preparing(page, scene, life, steps) {
   const chip = stateChip("preparing");
   const step = h("p", { class: "quiet small", "aria-live": "polite" });
   const bar = progressBar(t("Preparing"));
   const notice = h("div", { class: "notice-slot" });
-  const steps = prepareSteps(scene);
-  const view = preparingView(scene);
-  const status = h("section", { class: "preparing-panel", "aria-label": t("Preparing") }, chip.element, bar.element, step, steps.element);
+  const view = preparingView(scene, steps.element);
+  const status = h("section", { class: "preparing-panel", "aria-label": t("Preparing") }, chip.element, bar.element, step);
   const form = settingsForm(draftOf(scene), async () => {}, null, false, status);
   life.add(form.dispose);
   page.classList.add("workspace");
@@ -195,9 +219,10 @@ function failed(page, scene, life) {
  * @param {HTMLElement} page
  * @param {Scene} scene
  * @param {Disposer} life
+ * @param {Steps} steps
  * @returns {(scene: Scene) => void}
  */
-function ready(page, scene, life) {
+function ready(page, scene, life, steps) {
   const path = here().path.join();
   const notice = h("div", { class: "notice-slot" });
   const submit = async (/** @type {import("../base/types.js").JobRequest} */ request) => {
@@ -229,7 +254,8 @@ function ready(page, scene, life) {
     ]),
   );
   const sides = sidesFromUrl(life);
-  const view = viewOf(scene, form, sides, life);
+  if (steps.isOpen) life.every(200, () => steps.isOpen && steps.render());
+  const view = viewOf(scene, form, sides, life, steps);
   const side = h(
     "div",
     { class: "workspace-side" },
@@ -266,8 +292,9 @@ function ready(page, scene, life) {
  * @param {import("../scene/settings-form.js").SettingsForm} form
  * @param {import("../base/store.js").Store<import("../scene/sides.js").Sides>} sides
  * @param {Disposer} life
+ * @param {Steps} steps
  */
-function viewOf(scene, form, sides, life) {
+function viewOf(scene, form, sides, life, steps) {
   let written = here().params.get("view");
   const linked = viewFromText(written) ?? takeTurned(scene.id);
   if (linked) form.turn(linked);
@@ -280,7 +307,7 @@ function viewOf(scene, form, sides, life) {
   const picture = finished && imageUrl({ job: finished.id, frame: firstFrame(finished) }, thumbnailFormat(finished), { width: 800, visible: "true", v: finished.samples });
   const best = picture || example;
   const smaller = finished && cardPicture(finished); // a card has shown it
-  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), nearest: smaller ?? "", isFinished: best !== undefined, isSame: !linked && !here().params.has("like") };
+  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), nearest: smaller ?? "", isFinished: best !== undefined, isSame: !linked && !here().params.has("like"), steps };
 
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
