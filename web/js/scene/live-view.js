@@ -181,8 +181,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let mostPixels = MOST_PIXELS;
   /** Width of the view in CSS pixels. */
   let wide = 0;
-  /** Id of the view whose picture or draft the canvas shows, of the latest one with WHOLE_SPP samples per pixel, and of the latest one that was clear. */
-  let [shownId, wholeId, clearId] = /** @type {(number | null)[]} */ ([null, null, null]);
+  /** Id of the view whose picture or draft the canvas shows, of the latest one with SHARP_SPP samples per pixel or done, and of the latest one that was clear. */
+  let [shownId, settledId, clearId] = /** @type {(number | null)[]} */ ([null, null, null]);
   let lookedAt = -Infinity;
 
   const pictureId = () => Number(surface.dataset.view);
@@ -198,7 +198,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
   const lookForDarkness = (/** @type {number} */ id) => {
     const brightness = film.film.brightness();
-    hand.adapt(brightness, id === link.id, id === wholeId);
+    hand.adapt(brightness, id === link.id, id === settledId);
     dark.look(brightness);
   };
   const sampled = () => {
@@ -243,7 +243,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const denoised = found.denoised && shownId === id && pictureId() === id; // a draft of a later view may have replaced the picture
       const isLatest = id === link.id && !link.pending;
       surface.dataset.samples = String(samples);
-      if (mean >= WHOLE_SPP) wholeId = id;
+      if (done || mean >= SHARP_SPP) settledId = id;
       if (done && hand.awaitsLight) lookForDarkness(pictureId()); // no further picture comes
       cover.judge({ mean, done, denoised, isLatest, share: film.film.width / size.width, light: next.light }, requests.get(id ?? 0));
       followCover();

@@ -226,13 +226,14 @@ function ready(page, scene, life, steps) {
   const path = here().path.join();
   const notice = h("div", { class: "notice-slot" });
   const submit = async (/** @type {import("../base/types.js").JobRequest} */ request) => {
+    const look = view.look(); // what the user sees now
     try {
       // One key per click, so that a repeated request creates only one job.
       const job = await createJob(request, crypto.randomUUID?.() ?? String(Math.random()));
       keepFirstLook(job.id, view.firstLook());
       adoptJob(job);
       if (here().path.join() !== path) return; // the user has left the page meanwhile
-      const params = Object.entries(lookParams(view.look())).filter(([, value]) => value !== null);
+      const params = Object.entries(lookParams(look)).filter(([, value]) => value !== null);
       location.hash = linkTo("jobs", job.id) + (params.length ? `?${new URLSearchParams(/** @type {string[][]} */ (params))}` : "");
     } catch (error) {
       showError(t("The job could not be started"), error);
