@@ -14,17 +14,23 @@ let passed = null;
 
 const created = () => new MeshCanvas(h("canvas", { class: "mesh" }));
 
-/** Number of canvases that were taken. */
-let taken = 0;
+/** Calls a function once the page has been drawn as it is now. @param {() => void} then */
+const oncePainted = (then) => requestAnimationFrame(() => requestAnimationFrame(then));
 
-/** Calls a function when the page as it is now has been drawn, since a graphics card that compiles or draws a mesh may hold it up for seconds. @param {() => void} then */
-export const oncePainted = (then) => requestAnimationFrame(() => requestAnimationFrame(then));
+/** Number of views that were about to begin. */
+let views = 0;
+
+/** Begins a view once the page around it has been drawn: compiling and drawing a mesh may hold up the page for seconds. @param {() => void} begin */
+export function beginView(begin) {
+  views += 1;
+  oncePainted(begin);
+}
 
 /** Compiles the programs of a canvas for a scene that is likely to come soon. */
 export function warmMesh() {
-  const before = taken;
+  const before = views;
   oncePainted(() => {
-    if (spare || taken !== before) return;
+    if (spare || views !== before) return;
     spare = created();
     spare.compile();
   });
@@ -32,7 +38,6 @@ export function warmMesh() {
 
 /** Returns the canvas that the scene's last view passed on, with its mesh, or one without a mesh. @param {string} scene its id */
 export function takeMesh(scene) {
-  taken += 1;
   const mesh = passed?.scene === scene ? passed.mesh : (spare ?? created());
   if (mesh === spare) spare = null;
   else if (mesh === passed?.mesh) passed = null;

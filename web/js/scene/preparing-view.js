@@ -8,7 +8,7 @@ import { t } from "../base/words.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
 import { PREPARING } from "./clarity.js";
-import { oncePainted, passMesh, takeMesh } from "./mesh-relay.js";
+import { beginView, passMesh, takeMesh } from "./mesh-relay.js";
 import { lookAt } from "./orbit.js";
 import { blenderNotice, waitsForBlender } from "./scene-notices.js";
 import { keepTurned, meshOf } from "./preview-mesh.js";
@@ -45,7 +45,12 @@ export function preparingView(scene, steps) {
   );
   surface.style.setProperty("--aspect", String(WIDTH / HEIGHT));
   const picture = examplePictures.get(scene.id);
-  if (picture) surface.style.backgroundImage = `url("${picture}")`;
+  if (picture) {
+    surface.style.backgroundImage = `url("${picture}")`;
+    const image = h("img", { src: picture });
+    // Its shape, which mostly is that of the scene's own pictures.
+    image.onload = () => isAsked || surface.style.setProperty("--aspect", String(image.naturalWidth / image.naturalHeight));
+  }
   /** @type {View | null} */
   let view = null;
   /** What is done until there is something to see. */
@@ -92,7 +97,7 @@ export function preparingView(scene, steps) {
     });
   };
   let latest = scene;
-  oncePainted(() => {
+  beginView(() => {
     if (!isOpen) return;
     const taken = (mesh = takeMesh(scene.id));
     const { canvas } = taken;

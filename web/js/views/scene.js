@@ -23,7 +23,7 @@ import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
 import { lookParams } from "../job/display-panel.js";
 import { PREPARING } from "../scene/clarity.js";
-import { oncePainted } from "../scene/mesh-relay.js";
+import { beginView } from "../scene/mesh-relay.js";
 import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { prepareSteps, stepOf } from "../scene/prepare-steps.js";
@@ -80,7 +80,7 @@ export function sceneView(id) {
             element.classList.add("workspace");
             own.add(() => element.classList.remove("workspace"));
             fill(element, heading(scene), outline());
-            oncePainted(() => part === mine && (own.dispose(), open()));
+            beginView(() => part === mine && (own.dispose(), open()));
           } else open();
         }
         part.update(scene);
@@ -159,7 +159,7 @@ function preparing(page, scene, life, steps) {
       "div",
       { class: "workspace-columns" },
       h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, view.element)),
-      h("div", { class: "workspace-side" }, h("section", { class: "panel", "aria-label": t("Render") }, h("fieldset", { class: "not-yet", disabled: true }, form.element))),
+      h("div", { class: "workspace-side" }, h("section", { class: "panel", "aria-label": t("Render") }, h("fieldset", { class: `not-yet ${SETTINGS_FILE.test(scene.main ?? "") ? "unknown" : ""}`, disabled: true }, form.element))),
     ),
   );
   return (next) => {
@@ -170,6 +170,8 @@ function preparing(page, scene, life, steps) {
   };
 }
 
+/** Files that state the settings of their picture, which are not known until they are read. */
+const SETTINGS_FILE = /\.ya?ml$/i;
 /** Files that state no up axis (renderer/scene/readers/up_axis.py), and have no lights. */
 const MESH_FILE = /\.(obj|ply|stl)$/i;
 
