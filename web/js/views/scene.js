@@ -79,7 +79,7 @@ export function sceneView(id) {
           if (isFirst && scene.status === "ready") {
             element.classList.add("workspace");
             own.add(() => element.classList.remove("workspace"));
-            fill(element, heading(scene), outline());
+            fill(element, heading(scene), outline(scene, steps));
             beginView(() => part === mine && (own.dispose(), open()));
           } else open();
         }
@@ -118,14 +118,21 @@ function heading(scene) {
   );
 }
 
-/** A scene's page before its view: an empty one, which says so. */
-const outline = () =>
-  h(
+/** A scene's page before its view: the thumbnail, unless another view is asked for, and the steps of an upload. @param {Scene} scene @param {Steps} steps */
+function outline({ id, thumbnail, defaults }, steps) {
+  const surface = h("div", { class: "live-view" });
+  surface.style.setProperty("--aspect", String((defaults["width"] ?? 16) / (defaults["height"] ?? 9)));
+  const isOwnView = !["view", "like"].some((name) => here().params.has(name));
+  if (thumbnail && isOwnView) surface.style.backgroundImage = `url("${thumbnailUrl(id)}")`;
+  if (steps.isOpen) steps.render();
+  const pills = h("div", { class: "view-pills" }, h("p", { class: "small view-state" }, PREPARING), steps.isOpen && steps.element);
+  return h(
     "div",
     { class: "workspace-columns" },
-    h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, h("div", { class: "view-pills" }, h("p", { class: "small view-state" }, PREPARING)))))),
+    h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface, pills)))),
     h("div", { class: "workspace-side" }),
   );
+}
 
 /** @typedef {ReturnType<typeof prepareSteps>} Steps */
 
