@@ -10,7 +10,8 @@ from tests.e2e.small_glb import small_glb
 from tests.helpers import Farm
 
 # Looks at every frame: at the front page until it is left, at the scene's page until its view shows a picture.
-# withoutSteps: a scene that waits for a worker has steps, but no current one. early: WebGL contexts created before the scene's page had been drawn.
+# withoutSteps: a scene that waits for a worker has steps, but no current one.
+# early: WebGL contexts created before the scene's page had been drawn.
 WATCH = """(() => {
   const seen = (window.seen = { frames: 0, faded: 0, withoutSteps: 0, silent: 0, early: 0 });
   let drawn = -1;
