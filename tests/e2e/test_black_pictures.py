@@ -25,6 +25,22 @@ shapes:
 """
 
 
+def test_black_view_says_before_its_first_samples_that_the_camera_sees_nothing(farm: Farm, watched: Watched) -> None:
+    """Where the scene is outside the camera's pyramid of view, no sample is needed to know why its picture is black."""
+    page = watched.page
+    sent = httpx.post(f"{farm.url}/api/scenes", files={"files": ("behind.yaml", SCENE.replace("Behind", "Behind at once"))})
+    scene = sent.raise_for_status().json()["id"]
+    with farm.client() as client:
+        client.wait_for_scene(scene)
+    page.route_web_socket("**/viewport", lambda socket: None)  # keeps samples from arriving
+    page.goto(f"{farm.url}/#/scenes/{scene}")
+    dark = page.locator(".view-dark")
+    expect(dark).to_contain_text("The camera sees nothing")
+    expect(dark.get_by_role("button", name="Frame the scene")).to_be_visible()
+    expect(page.locator(".view-state")).to_have_text("Preparing the view …")
+    assert watched.errors == []
+
+
 def test_black_view_and_job_say_that_the_camera_sees_nothing(farm: Farm, watched: Watched) -> None:
     """The pages of the job and of the scene offer to frame the scene, which then is seen; cards have a word over the black."""
     page = watched.page

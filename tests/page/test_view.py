@@ -33,6 +33,27 @@ def test_orbiting_keeps_target_and_distance(node: Node) -> None:
     np.testing.assert_allclose(back["eye"], VIEW["eye"], atol=1e-12)
 
 
+def test_box_outside_the_pyramid_of_view_is_not_in_view(node: Node) -> None:
+    """Boxes beside, above and behind the camera, or before it; a panorama sees all."""
+    camera = {"eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40}
+    ahead, beside, above, behind = [-1, -1, -1], [9, -1, -1], [-1, 9, -1], [-1, -1, 6]
+
+    def sees(low: list[float], **changes: object) -> object:
+        view = {**camera, **changes}
+        high = [value + 2 for value in low]
+        return node.call(
+            "scene/in-view", "return m.mayBeInView(a.view, 1.5, a.low, a.high);", {"view": view, "low": low, "high": high}
+        )
+
+    assert sees(ahead) is True
+    assert [sees(low) for low in (beside, above, behind)] == [False] * 3
+    assert sees([-1, -1, 3]) is True, "the camera is inside"
+    assert sees(behind, projection="panorama") is True
+    assert sees(ahead, projection="orthographic", height=1.0) is True
+    assert sees(beside, projection="orthographic", height=2.0) is False
+    assert sees([-1, -1, 0], shift_x=3) is False
+
+
 @pytest.mark.parametrize(
     ("up", "side", "towards"),
     [

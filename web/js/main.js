@@ -18,7 +18,7 @@ import { buildShell } from "./shell/shell.js";
 import { addShortcuts } from "./shell/shortcuts.js";
 import { showActionNotice, showError, undoLast } from "./shell/tray.js";
 import { loginView, takeCode } from "./views/login.js";
-import { NAV, showViews } from "./views/showing.js";
+import { NAV, loadSceneView, showViews } from "./views/showing.js";
 import { t } from "./base/words.js";
 
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
@@ -37,13 +37,24 @@ function start() {
   ]);
   listenForPalette(NAV);
   acceptDrops();
-  addEventListener(UPLOAD_LIKELY, () => void import("./scene/mesh-relay.js").then(({ warmMesh }) => warmMesh(), () => {})); // the scene's view reports the error
+  addEventListener(UPLOAD_LIKELY, prepareScene);
   followFarm();
   followTallies();
   notifyOfEndedJobs();
   // A revoked session closes all connections without a reason, so the session is checked then.
   lost.subscribe(({ size }) => size && void mustLogIn().then((must) => must && location.reload()));
   showUpdateNotices();
+}
+
+/** Loads what shows a scene, then compiles what draws its preview: that blocks the page, which shows the scene's view first. */
+async function prepareScene() {
+  try {
+    await loadSceneView();
+    const { warmMesh } = await import("./scene/mesh-relay.js");
+    warmMesh();
+  } catch (error) {
+    console.warn(error); // the scene's view reports it
+  }
 }
 
 /** Offers a reload if the service has another version of the page after a reconnection. */

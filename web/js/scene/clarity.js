@@ -3,6 +3,8 @@
 import { h } from "../base/dom.js";
 import { t } from "../base/words.js";
 
+/** What a view says before its first picture, as long as nothing else is known. */
+export const PREPARING = t("Preparing the view …");
 /** Relative noise levels; the second is the default. */
 const LEVELS = [0.05, 0.02, 0.01];
 const DEFAULT = 0.02;

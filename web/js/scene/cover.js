@@ -3,9 +3,11 @@
  * projected for the new camera. The canvas is held back meanwhile, which css/workspace.css hides.
  */
 
+import { isBlack } from "../base/black-image.js";
+import { h } from "../base/dom.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
-import { hasMesh, meshOf } from "./preview-mesh.js";
+import { meshOf } from "./preview-mesh.js";
 import { meshPicture } from "./view-pictures.js";
 
 /** @typedef {import("../base/types.js").View} View */
@@ -21,6 +23,7 @@ import { meshPicture } from "./view-pictures.js";
  * @property {string} nearest the same picture, smaller, which the page has loaded before; "": none
  * @property {boolean} isFinished
  * @property {boolean} isSame whether it is of the same view
+ * @property {{element: HTMLElement, isOpen: boolean, end: () => void}} steps of an upload, shown until the first picture
  * @property {boolean} [isClear] whether it was this very view when it was clear
  */
 
@@ -37,7 +40,7 @@ const [DENOISED_MS, RELIT_MS, DENOISED_SPP] = [15_000, 2000, 64];
 const COVERED_MS = 500;
 /** Part of the view's width that a denoised picture must have to replace the preview mesh. */
 const FINE_SHARE = 0.75;
-/** Samples per pixel after which a denoised view is clear; fewer are less sharp than the preview mesh. */
+/** Samples per pixel after which a denoised view is clear, and one that is not denoised replaces a preview mesh, a thumbnail or nothing: fewer are noise. */
 export const SHARP_SPP = 4;
 /** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
 const POOR = 0.6;
@@ -61,9 +64,10 @@ export class Cover {
    * @param {import("../film/film-canvas.js").FilmCanvas} page.picture
    * @param {import("./mesh-canvas.js").MeshCanvas} page.mesh
    * @param {() => View} page.view the present camera
+   * @param {() => void} page.laid called when the mesh or picture that was awaited is shown
    * @param {() => boolean} page.willBeDenoised whether denoised pictures of the view come
    */
-  constructor(scene, meanwhile, { surface, canvas, picture, mesh, view, willBeDenoised }) {
+  constructor(scene, meanwhile, { surface, canvas, picture, mesh, view, laid, willBeDenoised }) {
     this.scene = scene;
     this.meanwhile = meanwhile;
     this.surface = surface;
@@ -71,12 +75,15 @@ export class Cover {
     this.picture = picture;
     this.mesh = mesh;
     this.view = view;
+    this.laid = laid;
     this.willBeDenoised = willBeDenoised;
     /** Whether a picture or draft of the view has arrived. */
     this.isSampled = false;
     /** Whether anything is shown under the canvas. */
     this.isCovered = true;
     this.isDisposed = false;
+    /** Whether the picture that is shown first is known to be black. */
+    this.isThumbnailBlack = false;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.uncovering = undefined;
     /** The first request, and the same without its camera. @type {{text: string, scene: string} | null} */
@@ -94,15 +101,28 @@ export class Cover {
   begin() {
     const { scene, surface, canvas } = this;
     const { url, nearest, isFinished, isSame, isClear } = this.meanwhile;
-    // A thumbnail is coarse at the view's size: the mesh replaces it.
-    const isMeshFirst = !url || (!isFinished && scene.preview) || (!isClear && hasMesh(scene.id) && url !== examplePictures.get(scene.id));
-    canvas.classList.toggle(HELD_BACK, !isMeshFirst && (isFinished || isSame));
+    // A mesh that is on the page already stays; else a rendered picture of the same view is truer than the mesh.
+    const isMeshFirst = !url || (!isFinished && !isSame) || (!isClear && this.mesh.mesh !== null && url !== examplePictures.get(scene.id));
+    canvas.classList.toggle(HELD_BACK, isMeshFirst ? this.willBeDenoised() : isFinished || isSame);
     const hasAlpha = url.includes("/image.png"); // as thumbnailFormat requests a transparent background
     surface.classList.toggle("has-alpha", hasAlpha);
     const below = [url, nearest].filter(Boolean).map((each) => `url("${each}")`);
     if (hasAlpha) below.push("var(--squares-image)");
     surface.style.backgroundImage = below.join(", ");
     if (isMeshFirst) this.showMesh();
+    else if (isSame && url) void this.judgeThumbnail(url);
+  }
+
+  /** Finds out whether a picture of the view that is shown first is black. @param {string} url */
+  async judgeThumbnail(url) {
+    const image = h("img", { src: url });
+    try {
+      await image.decode();
+    } catch {
+      return; // it was deleted meanwhile, or the page is left
+    }
+    this.isThumbnailBlack = isBlack(image);
+    this.laid();
   }
 
   /** Whether the canvas is held back. */
@@ -119,6 +139,13 @@ export class Cover {
     return !this.mesh.canvas.hidden;
   }
 
+  /** Whether what is shown has a black background, and nothing but what the mesh has is seen: the mesh itself, or a black thumbnail of the scene. */
+  get isBlackBehind() {
+    const { mesh } = this.mesh;
+    if (this.isThumbnailBlack && this.isInstead && !this.isMeshShown) return true;
+    return this.isMeshShown && !this.hasKept && mesh !== null && !mesh.environment && !mesh.isStudio;
+  }
+
   /** Whether a picture is projected onto the mesh. */
   get hasKept() {
     return this.mesh.kept !== null;
@@ -127,14 +154,15 @@ export class Cover {
   /** Shows the preview mesh until samples arrive, at once if the scene was drawn while it was prepared. */
   showMesh() {
     const { scene, mesh } = this;
-    if (this.isSampled) return;
+    if (this.isSampled && !this.isHeld) return;
     if (mesh.mesh) this.layMesh();
     if (!scene.preview) return;
     /** @param {import("../news/mesh-packet.js").MeshPacket} packet */
     const show = (packet) => {
-      if (this.isSampled || this.isDisposed || mesh.mesh === packet) return;
+      if ((this.isSampled && !this.isHeld) || this.isDisposed || mesh.mesh === packet) return;
       mesh.setMesh(packet);
       this.layMesh();
+      this.laid();
     };
     void localMeshOf(scene.id).then((local) => local && !mesh.mesh && show(local.packet));
     meshOf(scene.id).then(show, () => {}); // the samples come without it
@@ -260,7 +288,8 @@ export class Cover {
     const isMeshTrue = !hasKept && this.isMeshShown && !this.isChanged;
     const isClearBelow = isMeshTrue || (isCleanBelow && Boolean(meanwhile.isClear));
     const isSharp = !isClearBelow || done || !isDenoisedSoon || mean >= SHARP_SPP;
-    const isEnough = mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
+    const isEmptyBelow = !this.isMeshShown && !this.surface.style.backgroundImage;
+    const isEnough = mean >= (isEmptyBelow ? SHARP_SPP : isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : hasKept ? MESH_SPP : SHARP_SPP);
     // A small picture replaces the kept one only where that is of the same camera, or shows little of the view.
     const isFine = share >= FINE_SHARE || (hasKept && this.isMeshShown && [0, 1].includes(mesh.distance));
     const isReady = (done && !isDenoisedSoon) || (denoised && isFine && isSharp) || (isEnough && (isFine || !isMeshTrue));

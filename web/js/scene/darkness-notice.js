@@ -6,6 +6,8 @@ import { t } from "../base/words.js";
 import { autoExposure, darkness } from "../film/darkness.js";
 import { probe } from "./probe.js";
 
+/** Of a picture: exactly black for a reason yet unknown, or since the camera sees no surface, or since no light reaches those it sees. @typedef {"" | "black" | "empty" | "unlit"} Blackness */
+
 /** Stops by which a picture has to be too dark for an offer. */
 const DULL_STOPS = 2;
 
@@ -16,11 +18,12 @@ const DULL_STOPS = 2;
  * @param {() => {width: number, height: number}} view.size of the latest request, in pixels
  * @param {(at: [number, number]) => void} view.pick requests the surface at a pixel
  * @param {() => boolean} view.isPicking whether an answer to a pick of the user is awaited
+ * @param {() => boolean} view.mayShow whether the camera may see some of the scene; false is certain
  * @param {() => void} view.brighten
  * @param {() => void} view.light chooses the studio's light
  * @param {() => void} view.reframe shows the whole scene
  */
-export function darknessNotice({ film, look, size, pick, isPicking, brighten, light, reframe }) {
+export function darknessNotice({ film, look, size, pick, isPicking, mayShow, brighten, light, reframe }) {
   const words = h("span");
   const button = (/** @type {import("../base/icons.js").IconName} */ symbol, /** @type {string} */ word, /** @type {() => void} */ onclick) =>
     h("button", { class: "button small", type: "button", onclick }, icon(symbol), word);
@@ -31,7 +34,7 @@ export function darknessNotice({ film, look, size, pick, isPicking, brighten, li
   const probing = probe(pick);
   /** Brightness of the latest picture that was looked at. */
   let brightness = { white: 0, bright: 0, high: 0, key: 0 };
-  /** Why the picture is exactly black: the camera sees no surface, or no light reaches those it sees; "": it is not, or that is not known yet. @type {"" | "empty" | "unlit"} */
+  /** Why the picture is exactly black; "": it is not, or not known to be. @type {Blackness} */
   let blackness = "";
   /** Id of the latest black view that was probed. @type {number | null} */
   let probedView = null;
@@ -41,7 +44,7 @@ export function darknessNotice({ film, look, size, pick, isPicking, brighten, li
     const missing = autoExposure(brightness) - look.value.exposure;
     element.hidden = !dark && !blackness && missing < DULL_STOPS;
     studio.hidden = !dark && blackness !== "unlit";
-    framing.hidden = blackness !== "empty";
+    framing.hidden = !["empty", "black"].includes(blackness);
     brighter.hidden = missing <= 0 || blackness !== "";
     if (!element.hidden) setText(words, wordsFor(blackness, dark));
   };
@@ -49,12 +52,18 @@ export function darknessNotice({ film, look, size, pick, isPicking, brighten, li
     probing.end();
     probedView = null;
   };
-  const endBlackness = () => {
-    stopProbing();
-    if (!blackness) return;
-    blackness = "";
+  /** @param {Blackness} next */
+  const setBlackness = (next) => {
+    if (next === blackness) return;
+    blackness = next;
     show();
   };
+  const endBlackness = () => {
+    stopProbing();
+    setBlackness("");
+  };
+  /** Whether the black view that was probed shows surfaces; null: not known yet. @type {boolean | null} */
+  let seesSomething = null;
   look.subscribe(show);
   return {
     element,
@@ -69,22 +78,38 @@ export function darknessNotice({ film, look, size, pick, isPicking, brighten, li
       show();
     },
 
-    /** Looks for the reason of a picture that is exactly black. @param {number} id of the view */
-    explain(id) {
+    /** Says at once, before any sample, that the camera sees nothing of a scene before a black background, where that is certain. */
+    foresee() {
+      if (!mayShow()) setBlackness("empty");
+    },
+
+    /**
+     * Looks for the reason of a picture that is exactly black.
+     *
+     * @param {number} id of the view
+     * @param {boolean} isSure whether it has so many samples that light of few paths would have been found
+     */
+    explain(id, isSure) {
       if (!film().isBlack()) return endBlackness();
+      if (!mayShow()) return setBlackness("empty");
+      if (probedView !== id) seesSomething = null;
+      const found = seesSomething && isSure ? "unlit" : seesSomething === false ? "empty" : "black";
+      setBlackness(found);
       if (probedView === id || isPicking()) return;
       probedView = id;
-      probing.begin(size(), (seesSomething) => {
-        blackness = seesSomething ? "unlit" : "empty";
-        show();
+      probing.begin(size(), (sees) => {
+        seesSomething = sees;
+        if (!sees) setBlackness("empty");
+        else if (isSure) setBlackness("unlit");
       });
     },
   };
 }
 
-/** @param {"" | "empty" | "unlit"} blackness @param {import("../film/darkness.js").Darkness | null} dark */
+/** @param {Blackness} blackness @param {import("../film/darkness.js").Darkness | null} dark */
 function wordsFor(blackness, dark) {
   if (blackness === "empty") return t("The camera sees nothing");
   if (blackness === "unlit") return t("No light reaches what the camera sees");
+  if (blackness === "black") return t("Nothing visible");
   return dark ? t("Very dark: brightest {n}", { n: dark.brightest.toPrecision(1) }) : t("Dark at this exposure");
 }

@@ -25,10 +25,13 @@ export function exposureHand(film) {
     icon("exposure"),
     h("span", { class: "view-word" }, t("Auto")),
   );
+  /** @param {boolean} is whether the page has chosen the exposure */
+  const setAuto = (is) => auto.setAttribute("aria-pressed", String(is));
+  setAuto(false);
   showExposure(slider, 0);
   const look = new Store({ exposure: 0, curve: DEFAULT_CURVE });
   const relook = () => look.set({ exposure: slider.valueAsNumber, curve: curve.value });
-  /** What chooses the exposure next: the first picture if it looks black, the next pictures of a new light, nothing more, or the user. @type {"first" | "light" | "done" | "user"} */
+  /** What chooses the exposure next: the first picture if it looks black, the next settled picture of a new light, nothing more, or the user. @type {"first" | "light" | "done" | "user"} */
   let chosenBy = "first";
   /** The light that the exposure is for, without its strength: that is the user's own way to make it brighter. */
   let light = "";
@@ -41,8 +44,12 @@ export function exposureHand(film) {
   const expose = (exposure) => {
     chosenBy = "user";
     set(exposure);
+    setAuto(false);
   };
-  const exposeAuto = () => expose(autoExposure(film().brightness()));
+  const exposeAuto = () => {
+    expose(autoExposure(film().brightness()));
+    setAuto(true);
+  };
 
   look.subscribe(({ exposure }) => {
     setText(shown, `${stops(exposure)} EV`);
@@ -75,13 +82,15 @@ export function exposureHand(film) {
      *
      * @param {Brightness} brightness
      * @param {boolean} isLatest whether it is of the latest request
-     * @param {boolean} hasSamples whether it has a sample in every pixel, and so is the last one that is looked at
+     * @param {boolean} isSettled whether its samples are enough to judge it; a new light is exposed for the first such picture, once
      */
-    adapt(brightness, isLatest, hasSamples) {
+    adapt(brightness, isLatest, isSettled) {
       const isBlack = darkness(brightness) !== null;
-      const isLightShown = chosenBy === "light" && isLatest;
-      if (isLightShown || (chosenBy === "first" && isBlack)) set(autoExposure(brightness));
-      if (chosenBy !== "user" && (isLightShown ? hasSamples : isBlack)) chosenBy = "done";
+      const isLightShown = chosenBy === "light" && isLatest && isSettled;
+      if (!isLightShown && !(chosenBy === "first" && isBlack)) return;
+      chosenBy = "done";
+      set(autoExposure(brightness));
+      setAuto(true);
     },
 
     /** Takes note of a request's environment. @param {Record<string, any> | undefined} environment @returns {boolean} whether its light is another */

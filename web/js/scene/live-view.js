@@ -11,7 +11,7 @@ import { Film } from "../film/film.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { addPart } from "../shell/layouts.js";
-import { clarity, clarityField } from "./clarity.js";
+import { PREPARING, clarity, clarityField } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
 import { Cover, SHARP_SPP, projectionOf } from "./cover.js";
 import { darknessNotice } from "./darkness-notice.js";
@@ -19,6 +19,7 @@ import { denoiseView } from "./denoise-view.js";
 import { exposureHand } from "./exposure-hand.js";
 import { startOfTake } from "./form-start.js";
 import { takeMesh } from "./mesh-relay.js";
+import { mayBeInView } from "./in-view.js";
 import { people } from "./people.js";
 import { LIVE } from "./sides.js";
 import { takes } from "./takes.js";
@@ -40,7 +41,7 @@ const [MOST_PIXELS, MOST_PIXELS_OF_CARDS] = [1 << 20, 1 << 21];
 const [TAKE_SIDE, CLEAR_SIDE] = [320, 1280];
 /** Interval, in milliseconds, of checks whether the view is too dark. */
 const DARKNESS_MS = 500;
-/** Samples per pixel from which every pixel has one, and from which a black view is explained: with fewer, light of few paths may not have been found. */
+/** Samples per pixel from which every pixel has one, and from which a black view is known to be without light: with fewer, light of few paths may not have been found. */
 const [WHOLE_SPP, BLACK_SPP] = [1, 4];
 /** Number of requests that are remembered. */
 const MOST_REQUESTS = 256;
@@ -103,9 +104,19 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const state = h("p", { class: "small quiet number view-state", role: "status", "aria-live": "off" });
   /** @param {string} sentence @param {boolean} [aloud] by a screen reader: its end, and not each sample on the way */
   const say = (sentence, aloud = true) => {
+    if (!sentence && !isSeen) sentence = PREPARING;
     state.setAttribute("aria-live", aloud ? "polite" : "off");
     setText(state, sentence);
   };
+  /** Whether a picture of the view is seen. */
+  let isSeen = false;
+  /** Ends the steps of an upload once the view's own picture is seen. */
+  const followCover = () => {
+    if (isSeen || !cover.isSampled || cover.isHeld) return;
+    isSeen = true;
+    meanwhile.steps.end();
+  };
+  say("", false);
   const clear = clarityField(() => refresh());
   const denoise = denoiseView(() => refresh());
   const request = () => viewRequest(form.request());
@@ -133,8 +144,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const isDenoised = Boolean(denoise.request().denoise);
   const cover = new Cover(
     scene,
-    known ? { url: known, nearest: "", isFinished: true, isSame: true, isClear: true } : { ...meanwhile, isSame: meanwhile.isSame && isDenoised },
-    { surface, canvas, picture, mesh, view: form.view, willBeDenoised: () => denoise.isOn() && form.request().background !== "transparent" }, // the denoiser makes no alpha
+    known ? { url: known, nearest: "", isFinished: true, isSame: true, isClear: true, steps: meanwhile.steps } : { ...meanwhile, isSame: meanwhile.isSame && isDenoised },
+    { surface, canvas, picture, mesh, view: form.view, laid: () => foresee(), willBeDenoised: () => denoise.isOn() && form.request().background !== "transparent" }, // the denoiser makes no alpha
   );
   const hand = exposureHand(() => film.film);
   const dark = darknessNotice({
@@ -143,10 +154,20 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     size: () => size,
     pick: (at) => link.send({ pick: at }),
     isPicking: () => hands.isPicking(),
+    mayShow() {
+      const { width = 1, height = 1, frame, up, variant } = request();
+      const [low, high] = scene.bounds ?? [];
+      if (!low || !high || cover.isChanged || frame || up || variant != null) return true; // the bounds are of the scene as uploaded
+      return mayBeInView(form.view(), width / height, /** @type {import("../base/types.js").Vec3} */ (low), /** @type {import("../base/types.js").Vec3} */ (high));
+    },
     brighten: hand.exposeAuto,
     light: () => (form.light.choose("studio"), hand.expose(0)),
     reframe: () => turn(scene.cameras.at(-1)?.view ?? form.view()), // the automatic camera is the last one
   });
+
+  const foresee = () => {
+    if (cover.isBlackBehind) dark.foresee();
+  };
 
   /** The latest requests, by their ids. @type {Map<number, Requested>} */
   const requests = new Map();
@@ -160,8 +181,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let mostPixels = MOST_PIXELS;
   /** Width of the view in CSS pixels. */
   let wide = 0;
-  /** Id of the view whose picture or draft the canvas shows, of the latest one with WHOLE_SPP samples per pixel, and of the latest one that was clear. */
-  let [shownId, wholeId, clearId] = /** @type {(number | null)[]} */ ([null, null, null]);
+  /** Id of the view whose picture or draft the canvas shows, of the latest one with SHARP_SPP samples per pixel or done, and of the latest one that was clear. */
+  let [shownId, settledId, clearId] = /** @type {(number | null)[]} */ ([null, null, null]);
   let lookedAt = -Infinity;
 
   const pictureId = () => Number(surface.dataset.view);
@@ -177,11 +198,12 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
   const lookForDarkness = (/** @type {number} */ id) => {
     const brightness = film.film.brightness();
-    hand.adapt(brightness, id === link.id, id === wholeId);
+    hand.adapt(brightness, id === link.id, id === settledId);
     dark.look(brightness);
   };
   const sampled = () => {
     if (cover.sampled() && state.textContent === clarity(0, null, false)) say("", false); // the counts come with the next message
+    followCover();
     picture.invalidate();
   };
 
@@ -221,12 +243,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const denoised = found.denoised && shownId === id && pictureId() === id; // a draft of a later view may have replaced the picture
       const isLatest = id === link.id && !link.pending;
       surface.dataset.samples = String(samples);
-      if (mean >= WHOLE_SPP) wholeId = id;
+      if (done || mean >= SHARP_SPP) settledId = id;
       if (done && hand.awaitsLight) lookForDarkness(pictureId()); // no further picture comes
       cover.judge({ mean, done, denoised, isLatest, share: film.film.width / size.width, light: next.light }, requests.get(id ?? 0));
+      followCover();
       setDenoised(denoised);
       if (isLatest && (done || (denoised && mean >= SHARP_SPP))) clearId = id;
-      if (id !== null && isLatest && pictureId() === id && (done || mean >= BLACK_SPP)) dark.explain(id);
+      if (id !== null && isLatest && pictureId() === id && (done || mean >= WHOLE_SPP)) dark.explain(id, done || mean >= BLACK_SPP);
       if (message) say(saidOf(found, "message"));
       else if (bound) say(clarity(mean, noise, done, cover.isInstead, denoised), done);
       state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");
@@ -262,6 +285,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       canvas.classList.toggle("outdated", isOutdated());
     }
     cover.follow();
+    foresee();
     others.changed();
     saved.changed();
     hands.update();
@@ -312,7 +336,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   });
   const toolBar = h("div", { class: "view-tool-bar" }, hands.buttons, saved.save);
   const looks = h("div", { class: "view-looks" }, hand.element, viewMore(frame, clear.element, denoise.element, hand.curve));
-  const pills = h("div", { class: "view-pills" }, state, hands.hint, dark.element);
+  const pills = h("div", { class: "view-pills" }, state, hands.hint, dark.element, meanwhile.steps.isOpen && meanwhile.steps.element);
   const stage = viewStage({
     ...{ scene: scene.id, sides, live: film, look: hand.look, names },
     changed(now) {

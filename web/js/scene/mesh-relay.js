@@ -14,11 +14,26 @@ let passed = null;
 
 const created = () => new MeshCanvas(h("canvas", { class: "mesh" }));
 
+/** Calls a function once the page has been drawn as it is now. @param {() => void} then */
+const oncePainted = (then) => requestAnimationFrame(() => requestAnimationFrame(then));
+
+/** Number of views that were about to begin. */
+let views = 0;
+
+/** Begins a view once the page around it has been drawn: compiling and drawing a mesh may hold up the page for seconds. @param {() => void} begin */
+export function beginView(begin) {
+  views += 1;
+  oncePainted(begin);
+}
+
 /** Compiles the programs of a canvas for a scene that is likely to come soon. */
 export function warmMesh() {
-  if (spare) return;
-  spare = created();
-  spare.compile();
+  const before = views;
+  oncePainted(() => {
+    if (spare || views !== before) return;
+    spare = created();
+    spare.compile();
+  });
 }
 
 /** Returns the canvas that the scene's last view passed on, with its mesh, or one without a mesh. @param {string} scene its id */

@@ -60,12 +60,14 @@ export class StepTimes {
 export const secondsText = (seconds) => t("{n} s", { n: seconds < 10 ? seconds.toFixed(1) : Math.round(seconds) });
 
 /**
- * @param {Scene} scene
- * @returns {{element: HTMLElement, update: (scene: Scene) => void, tick: () => void}}
+ * The list of the steps, over the view from the upload until the first picture.
+ *
+ * @param {string} scene its id
  */
 export function prepareSteps(scene) {
-  const times = new StepTimes(uploadSeconds.get(scene.id) ?? null);
-  const list = h("ol", { class: "steps number" });
+  const times = new StepTimes(uploadSeconds.get(scene) ?? null);
+  let isOver = false;
+  const list = h("ol", { class: "steps small number" });
   const now = () => performance.now() / 1000;
   const tick = () => {
     const at = times.step ? STEPS.indexOf(times.step) : 0;
@@ -89,9 +91,25 @@ export function prepareSteps(scene) {
   return {
     element: list,
     tick,
+    /** @param {Scene} next */
     update(next) {
       times.put(stepOf(next), now());
       tick();
+    },
+    /** Whether this page follows an upload whose first picture has not been seen. */
+    get isOpen() {
+      return !isOver && (times.step !== null || uploadSeconds.has(scene));
+    },
+    /** Shows the last step, after the preparation. */
+    render() {
+      times.put("render", now());
+      tick();
+    },
+    /** The first picture is seen. */
+    end() {
+      isOver = true;
+      uploadSeconds.delete(scene);
+      list.remove();
     },
   };
 }

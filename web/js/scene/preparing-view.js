@@ -7,7 +7,8 @@ import { h, setText } from "../base/dom.js";
 import { t } from "../base/words.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
-import { passMesh, takeMesh } from "./mesh-relay.js";
+import { PREPARING } from "./clarity.js";
+import { beginView, passMesh, takeMesh } from "./mesh-relay.js";
 import { lookAt } from "./orbit.js";
 import { blenderNotice, waitsForBlender } from "./scene-notices.js";
 import { keepTurned, meshOf } from "./preview-mesh.js";
@@ -29,31 +30,32 @@ function between(from, to, share) {
 
 /**
  * @param {Scene} scene
+ * @param {HTMLElement} steps of the preparation, shown over the view
  * @returns {{element: HTMLElement, update: (scene: Scene, step: string) => void, dispose: () => void}}
  */
-export function preparingView(scene) {
-  const mesh = takeMesh(scene.id);
-  const { canvas } = mesh;
-  canvas.role = "img";
-  canvas.ariaLabel = t("The scene as it is seen now");
+export function preparingView(scene, steps) {
+  /** Not before the page has been drawn. @type {import("./mesh-canvas.js").MeshCanvas | null} */
+  let mesh = null;
   const surface = h(
     "div",
     {
       ...{ class: "live-view", tabindex: "0", role: "application" },
       "aria-label": t("The view. Arrows turn it, Shift and arrows move it, plus and minus go nearer and farther; W, A, S, D, Q and E fly."),
     },
-    canvas,
   );
   surface.style.setProperty("--aspect", String(WIDTH / HEIGHT));
   const picture = examplePictures.get(scene.id);
-  if (picture) surface.style.backgroundImage = `url("${picture}")`;
-  canvas.hidden = picture !== undefined;
-  mesh.setScene(scene);
+  if (picture) {
+    surface.style.backgroundImage = `url("${picture}")`;
+    const image = h("img", { src: picture });
+    // Its shape, which mostly is that of the scene's own pictures.
+    image.onload = () => isAsked || surface.style.setProperty("--aspect", String(image.naturalWidth / image.naturalHeight));
+  }
   /** @type {View | null} */
   let view = null;
   /** What is done until there is something to see. */
   const doing = h("p", { "aria-hidden": "true" }); // the list of steps is read out
-  const hasPicture = () => mesh.mesh !== null || picture !== undefined;
+  const hasPicture = () => Boolean(mesh?.mesh) || picture !== undefined;
   let isTurned = false;
   let isAsked = false;
   let letGo = () => {};
@@ -62,9 +64,11 @@ export function preparingView(scene) {
   const turn = (next) => {
     view = next;
     isTurned = true;
-    canvas.hidden = false;
     surface.style.backgroundImage = "";
-    mesh.setView(next);
+    if (mesh) {
+      mesh.canvas.hidden = false;
+      mesh.setView(next);
+    }
     keepTurned(scene.id, next);
   };
   let gliding = 0;
@@ -77,7 +81,7 @@ export function preparingView(scene) {
       const share = !from || matchMedia("(prefers-reduced-motion: reduce)").matches ? 1 : Math.min(1, (performance.now() - begun) / GLIDE_MS);
       if (isTurned || !isOpen) return;
       view = share < 1 && from ? between(from, to, share * share * (3 - 2 * share)) : to;
-      mesh.setView(view);
+      mesh?.setView(view);
       if (share < 1) gliding = requestAnimationFrame(step);
     };
     step();
@@ -92,43 +96,60 @@ export function preparingView(scene) {
       centre: () => turn(lookAt(view ?? first, /** @type {Vec3} */ (high.map((value, i) => (value + (low[i] ?? 0)) / 2)))),
     });
   };
-  // What this page uploaded is drawn until the service has read it.
-  void localMeshOf(scene.id).then((local) => {
-    if (!local || isAsked || !isOpen) return;
-    const { packet, view: first } = local;
-    mesh.floor ||= "auto"; // what an upload without lights gets
-    mesh.setMesh(packet);
-    doing.textContent = "";
-    follow(first, packet.low, packet.high);
+  let latest = scene;
+  beginView(() => {
+    if (!isOpen) return;
+    const taken = (mesh = takeMesh(scene.id));
+    const { canvas } = taken;
+    canvas.role = "img";
+    canvas.ariaLabel = t("The scene as it is seen now");
+    canvas.hidden = picture !== undefined && !isTurned;
+    surface.append(canvas);
+    taken.setScene(latest);
+    // What this page uploaded is drawn until the service has read it.
+    void localMeshOf(scene.id).then((local) => {
+      if (!local || isAsked || !isOpen) return;
+      const { packet, view: first } = local;
+      taken.floor ||= "auto"; // what an upload without lights gets
+      taken.setMesh(packet);
+      doing.textContent = "";
+      follow(first, packet.low, packet.high);
+    });
+    showPreview(taken);
   });
+  /** Shows the service's preview as soon as it has one. @param {import("./mesh-canvas.js").MeshCanvas} on */
+  const showPreview = (on) => {
+    const { id, preview, cameras, bounds, defaults } = latest;
+    const first = cameras[0]?.view;
+    const [low, high] = bounds ?? [];
+    if (!preview || !first || !low || !high || isAsked) return;
+    isAsked = true;
+    on.setScene(latest);
+    surface.style.setProperty("--aspect", String((defaults["width"] ?? WIDTH) / (defaults["height"] ?? HEIGHT)));
+    follow(first, /** @type {Vec3} */ (low), /** @type {Vec3} */ (high));
+    meshOf(id).then(
+      (packet) => {
+        if (isOpen && on.mesh !== packet) on.setMesh(packet);
+        doing.textContent = "";
+      },
+      () => {}, // the list of steps shows the progress
+    );
+  };
   const waiting = blenderNotice();
   waiting.hidden = true;
   return {
-    element: h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface, waiting, h("div", { class: "view-pills" }, doing))),
+    element: h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface, waiting, h("div", { class: "view-pills" }, doing, steps))),
     /** @param {Scene} next @param {string} step in words */
     update(next, step) {
       waiting.hidden = !waitsForBlender(next);
-      setText(doing, hasPicture() || !waiting.hidden ? "" : step);
-      const { id, preview, cameras, bounds, defaults } = next;
-      const first = cameras[0]?.view;
-      const [low, high] = bounds ?? [];
-      if (!preview || !first || !low || !high || isAsked) return;
-      isAsked = true;
-      mesh.setScene(next);
-      surface.style.setProperty("--aspect", String((defaults["width"] ?? WIDTH) / (defaults["height"] ?? HEIGHT)));
-      follow(first, /** @type {Vec3} */ (low), /** @type {Vec3} */ (high));
-      meshOf(id).then(
-        (packet) => {
-          if (isOpen && mesh.mesh !== packet) mesh.setMesh(packet);
-          doing.textContent = "";
-        },
-        () => {}, // the list of steps shows the progress
-      );
+      setText(doing, hasPicture() || !waiting.hidden ? "" : step || PREPARING);
+      latest = next;
+      if (mesh) showPreview(mesh);
     },
     dispose() {
       isOpen = false;
       letGo();
-      passMesh(scene.id, mesh);
+      if (mesh) passMesh(scene.id, mesh);
     },
   };
 }

@@ -135,9 +135,11 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
   const element = h("form", { class: "settings", "aria-label": t("Render settings"), noValidate: true, onsubmit, onclick });
   const arrange = () => {
     const { camera, variant, shot, others, stand, size } = parts;
-    const fields = [camera.elements, variant.elements, shot.elements, others.light, stand.elements, size.elements, quality.elements];
+    const [cameraField, ...ofCamera] = camera.elements;
+    const first = file && cameraField ? h("div", { class: "pairs of-file" }, file, cameraField) : cameraField;
+    const fields = [ofCamera, variant.elements, shot.elements, others.light, stand.elements, size.elements, quality.elements];
     fill(advanced, camera.lens, others.basic, others.advanced, queue.element, program.element);
-    fill(element, file, fields.flat(), denoise, fold, bottom);
+    fill(element, first, fields.flat(), denoise, fold, bottom);
     update();
   };
   for (const type of ["input", "change"]) element.addEventListener(type, program.update);

@@ -66,12 +66,16 @@ export function sceneCard(scene) {
  */
 export function arrivingCard({ name, fraction }) {
   const bar = progressBar(t("Uploading {title}", { title: name }));
-  fraction.subscribe((done) => bar.update(done)); // both end with the upload
+  const word = h("span", { class: "quiet small" });
+  fraction.subscribe((done) => {
+    setText(word, done < 1 ? t("Uploading") : t("Storing …"));
+    bar.update(done < 1 ? done : null); // how long it takes is not known
+  }); // both end with the upload
   const element = h(
     "li",
     { class: "card arriving" },
     h("div", { class: "picture" }, icon("upload")),
-    h("div", { class: "body" }, h("span", { class: "name", title: name }, name), h("div", { class: "row" }, h("span", { class: "quiet small" }, t("Uploading")), bar.element)),
+    h("div", { class: "body" }, h("span", { class: "name", title: name }, name), h("div", { class: "row" }, word, bar.element)),
   );
   return { element, update: () => {} };
 }

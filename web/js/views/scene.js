@@ -23,6 +23,8 @@ import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
 import { clampExposure } from "../job/display-panel.js";
 import { lookOfJob } from "../film/job-look.js";
+import { PREPARING } from "../scene/clarity.js";
+import { beginView } from "../scene/mesh-relay.js";
 import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { prepareSteps, stepOf } from "../scene/prepare-steps.js";
@@ -57,7 +59,9 @@ export function sceneView(id) {
   /** @type {{status: string, update: (scene: Scene) => void} | null} */
   let part = null;
   const own = new Disposer(); // of the part
-  life.add(() => own.dispose());
+  /** The steps of an upload, until its first picture. */
+  const steps = prepareSteps(id);
+  life.add(() => (own.dispose(), (part = null)));
   life.add(
     scenes.subscribe((all) => {
       const scene = all?.find((candidate) => candidate.id === id);
@@ -69,7 +73,16 @@ export function sceneView(id) {
           }
           offer(element, scene.project);
           own.dispose();
-          part = { status: scene.status, update: { preparing, failed, ready }[scene.status](element, scene, own) };
+          const isFirst = part === null;
+          const mine = (part = { status: scene.status, update: (/** @type {Scene} */ _) => {} });
+          const open = () => (mine.update = { preparing, failed, ready }[scene.status](element, scene, own, steps));
+          // A view that takes the graphics card for seconds must not hold up the page: its outline is drawn first.
+          if (isFirst && scene.status === "ready") {
+            element.classList.add("workspace");
+            own.add(() => element.classList.remove("workspace"));
+            fill(element, heading(scene), outline(scene, steps));
+            beginView(() => part === mine && (own.dispose(), open()));
+          } else open();
         }
         part.update(scene);
         setTitle(scene.name);
@@ -106,20 +119,38 @@ function heading(scene) {
   );
 }
 
+/** A scene's page before its view: the thumbnail, unless another view is asked for, and the steps of an upload. @param {Scene} scene @param {Steps} steps */
+function outline({ id, thumbnail, defaults }, steps) {
+  const surface = h("div", { class: "live-view" });
+  surface.style.setProperty("--aspect", String((defaults["width"] ?? 16) / (defaults["height"] ?? 9)));
+  const isOwnView = !["view", "like"].some((name) => here().params.has(name));
+  if (thumbnail && isOwnView) surface.style.backgroundImage = `url("${thumbnailUrl(id)}")`;
+  if (steps.isOpen) steps.render();
+  const pills = h("div", { class: "view-pills" }, h("p", { class: "small view-state" }, PREPARING), steps.isOpen && steps.element);
+  return h(
+    "div",
+    { class: "workspace-columns" },
+    h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface, pills)))),
+    h("div", { class: "workspace-side" }),
+  );
+}
+
+/** @typedef {ReturnType<typeof prepareSteps>} Steps */
+
 /**
  * @param {HTMLElement} page
  * @param {Scene} scene
  * @param {Disposer} life
+ * @param {Steps} steps
  * @returns {(scene: Scene) => void}
  */
-function preparing(page, scene, life) {
+function preparing(page, scene, life, steps) {
   const chip = stateChip("preparing");
   const step = h("p", { class: "quiet small", "aria-live": "polite" });
   const bar = progressBar(t("Preparing"));
   const notice = h("div", { class: "notice-slot" });
-  const steps = prepareSteps(scene);
-  const view = preparingView(scene);
-  const status = h("section", { class: "preparing-panel", "aria-label": t("Preparing") }, chip.element, bar.element, step, steps.element);
+  const view = preparingView(scene, steps.element);
+  const status = h("section", { class: "preparing-panel", "aria-label": t("Preparing") }, chip.element, bar.element, step);
   const form = settingsForm(draftOf(scene), async () => {}, null, false, status);
   life.add(form.dispose);
   page.classList.add("workspace");
@@ -136,7 +167,7 @@ function preparing(page, scene, life) {
       "div",
       { class: "workspace-columns" },
       h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, view.element)),
-      h("div", { class: "workspace-side" }, h("section", { class: "panel", "aria-label": t("Render") }, h("fieldset", { class: "not-yet", disabled: true }, form.element))),
+      h("div", { class: "workspace-side" }, h("section", { class: "panel", "aria-label": t("Render") }, h("fieldset", { class: `not-yet ${SETTINGS_FILE.test(scene.main ?? "") ? "unknown" : ""}`, disabled: true }, form.element))),
     ),
   );
   return (next) => {
@@ -147,6 +178,8 @@ function preparing(page, scene, life) {
   };
 }
 
+/** Files that state the settings of their picture, which are not known until they are read. */
+const SETTINGS_FILE = /\.ya?ml$/i;
 /** Files that state no up axis (renderer/scene/readers/up_axis.py), and have no lights. */
 const MESH_FILE = /\.(obj|ply|stl)$/i;
 
@@ -196,9 +229,10 @@ function failed(page, scene, life) {
  * @param {HTMLElement} page
  * @param {Scene} scene
  * @param {Disposer} life
+ * @param {Steps} steps
  * @returns {(scene: Scene) => void}
  */
-function ready(page, scene, life) {
+function ready(page, scene, life, steps) {
   const path = here().path.join();
   const notice = h("div", { class: "notice-slot" });
   const submit = async (/** @type {import("../base/types.js").JobRequest} */ request) => {
@@ -231,7 +265,8 @@ function ready(page, scene, life) {
     ]),
   );
   const sides = sidesFromUrl(life);
-  const view = viewOf(scene, form, sides, life);
+  if (steps.isOpen) life.every(200, () => steps.isOpen && steps.render());
+  const view = viewOf(scene, form, sides, life, steps);
   const side = h(
     "div",
     { class: "workspace-side" },
@@ -268,8 +303,9 @@ function ready(page, scene, life) {
  * @param {import("../scene/settings-form.js").SettingsForm} form
  * @param {import("../base/store.js").Store<import("../scene/sides.js").Sides>} sides
  * @param {Disposer} life
+ * @param {Steps} steps
  */
-function viewOf(scene, form, sides, life) {
+function viewOf(scene, form, sides, life, steps) {
   let written = here().params.get("view");
   const linked = viewFromText(written) ?? takeTurned(scene.id);
   if (linked) form.turn(linked);
@@ -283,7 +319,7 @@ function viewOf(scene, form, sides, life) {
   const best = picture || example;
   // A card has shown it. With another exposure than the view's it would be another picture.
   const smaller = finished && Object.keys(lookOfJob(finished)).length === 0 ? cardPicture(finished) : undefined;
-  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), nearest: smaller ?? "", isFinished: best !== undefined, isSame: !linked && !here().params.has("like") };
+  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), nearest: smaller ?? "", isFinished: best !== undefined, isSame: !linked && !here().params.has("like"), steps };
 
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;

@@ -42,6 +42,9 @@ const ahead = /** @type {any} */ (window).rayfarmViews;
 /** @type {{loadAgain: () => boolean, stands: () => void}} */
 const again = /** @type {any} */ (window).rayfarmAgain;
 
+/** Loads the modules of a scene's view, which is likely to be opened soon. */
+export const loadSceneView = () => VIEWS["scenes/ID"]?.();
+
 /** @type {MakeView} */
 function nothingHere() {
   const link = h("a", { href: linkTo() }, t("To the front page"));

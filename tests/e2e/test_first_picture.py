@@ -1,0 +1,62 @@
+"""Tests of the way from an upload to the first picture: something is seen and said in every frame."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.e2e.conftest import Watched
+from tests.e2e.small_glb import small_glb
+from tests.helpers import Farm
+
+# Looks at every frame: at the front page until it is left, at the scene's page until its view shows a picture.
+# withoutSteps: a scene that waits for a worker has steps, but no current one.
+# early: WebGL contexts created before the scene's page had been drawn.
+WATCH = """(() => {
+  const seen = (window.seen = { frames: 0, faded: 0, withoutSteps: 0, silent: 0, early: 0 });
+  let drawn = -1;
+  let isOver = false;
+  const frame = () => document.querySelector(".scene-page .live-view-frame");
+  const { getContext } = HTMLCanvasElement.prototype;
+  HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+    if (kind === "webgl2" && frame() && drawn < 1) seen.early++;
+    return getContext.call(this, kind, ...rest);
+  };
+  const look = () => {
+    const page = document.querySelector("#main > *");
+    if (page && Number(getComputedStyle(page).opacity) < 1) seen.faded++;
+    if (frame()) {
+      drawn++;
+      const view = document.querySelector(".live-view");
+      const picture = view?.querySelector("canvas:not(.mesh)");
+      isOver ||= Boolean(view?.dataset.view) && picture && !picture.classList.contains("held-back");
+      const state = document.querySelector(".view-state");
+      if (!isOver) {
+        seen.frames++;
+        if (!document.querySelector(".steps li")) seen.withoutSteps++;
+        if (state && !state.textContent) seen.silent++;
+      }
+    }
+    requestAnimationFrame(look);
+  };
+  addEventListener("DOMContentLoaded", look);
+})()"""
+
+
+@pytest.mark.long
+def test_steps_are_seen_from_first_frame_of_scene_page_until_its_picture(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    page.set_viewport_size({"width": 800, "height": 480})
+    page.add_init_script(WATCH)
+    page.goto(farm.url)
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Choose files").click()
+    chooser.value.set_files([{"name": "cube.glb", "mimeType": "model/gltf-binary", "buffer": small_glb("first picture")}])
+    steps = page.locator(".view-pills > .steps")
+    expect(steps.get_by_text("Upload")).to_be_visible()
+    expect(steps).to_have_count(0, timeout=90_000)
+    expect(page.locator(".live-view canvas").last).to_be_attached()
+    seen = page.evaluate("seen")
+    assert seen["frames"] > 0
+    assert seen == {"frames": seen["frames"], "faded": 0, "withoutSteps": 0, "silent": 0, "early": 0}
+    assert watched.errors == []
