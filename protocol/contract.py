@@ -511,7 +511,7 @@ class WorkerReport:
     slots: int
     cpu: str
     kind: str
-    state: Literal["starting", "ready", "paused"]  # starting: compiling or loading its kernels; paused: takes no more tasks
+    state: Literal["starting", "ready", "paused"]  # starting: joining, and loading its kernel; paused: takes no more tasks
     started: float  # unix time
     samples_per_s: float = 0.0  # of one slot, over its latest batches
     # A slot each: {}, {batch, message, job, frame, tile, first, count}, {scene}, {view, message}, or {denoise, vectors or

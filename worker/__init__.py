@@ -10,7 +10,7 @@ Each folder builds on those above it:
     work/                 implementations of the tasks
     tasks.py              the Celery tasks
     heartbeat.py          reports the worker to the service, and restarts a worker that hangs
-    joining.py            joins the farm while the kernels are compiled
+    joining.py            joins the farm while the kernel is loaded
     shutdown_reporter.py  reports work in progress while the worker shuts down
     app.py                the Celery application, and its hooks around forks
     __main__.py           the worker's main function

@@ -1,6 +1,7 @@
 """`python -m worker --service URL --token T --slots N`: runs one worker, with a process for every slot.
 
-The kernels are compiled or loaded before Celery forks, so that all slots share them.
+The plain kernel is loaded before Celery forks, so that all slots share it. If it has to be compiled, another process does that:
+meanwhile the slots read scenes and store their previews, and whatever needs a kernel waits for it.
 """
 
 # ruff: noqa: E402 - the environment must be set before numpy is imported
@@ -49,7 +50,7 @@ from renderer.cuda.cards import (
 )
 from renderer.cuda.driver import Card
 from renderer.printable import printable
-from renderer.render import helpers_for
+from renderer.render import FULL, PLAIN
 from renderer.sentences import Sentence
 from renderer.shipped_kernels import copy_shipped_kernels
 from renderer.variables import VariableError, value_of
@@ -57,8 +58,9 @@ from telemetry.log_lines import FORMAT_VARIABLE, FORMATS, uses_json
 from worker import app
 from worker.exchange.cache import BlobCache, default_cache_dir
 from worker.exchange.errors import RefusedError, WorkerError
+from worker.exchange.kernel_precompile import precompile_kernels
 from worker.exchange.link import Link, check_redis_url
-from worker.exchange.ready import make_kernel_ready
+from worker.exchange.ready import load_or_fetch_kernel
 from worker.joining import TRANSPORTS, FarmJoin
 from worker.machine import health_file
 from worker.machine.cards_worker import EXIT_NO_CARDS, EXIT_REFUSED, CardsWorker
@@ -79,7 +81,7 @@ gc.enable()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Joins the farm, makes the kernels ready and processes tasks. Returns the exit code.
+    """Joins the farm, loads or compiles the kernels, and processes tasks. Returns the exit code.
 
     Exit code 3: the address is not that of a farm, or the farm rejects this worker, so a restart does not help.
     """
@@ -121,11 +123,14 @@ def _run_worker(options: argparse.Namespace, arguments: Sequence[str] | None) ->
         )
 
     copy_shipped_kernels(jit.cache_folder())
-    helpers = helpers_for()  # forked before the joining thread starts
     joining = FarmJoin(link, options.redis, options.name or host, host, starting, log.info, _transport(options))
     joining.begin()
-    begin_launcher()  # loads its modules while kernels are compiled, and then the kernels
-    make_kernel_ready(link, helpers=helpers)
+    begin_launcher()  # loads its modules while this process loads the kernel
+    keeping = TermsKeeper(options.slots, _tags(options, host, kind), _command_line_terms(options))
+    has_plain = load_or_fetch_kernel(link)
+    ahead = [PLAIN, FULL] if keeping.may_precompile() else [PLAIN]
+    if not has_plain:
+        precompile_kernels(link, ahead)
     joined = joining.finish(lambda: bool(stopping))
     if joined is None or stopping:
         return 0
@@ -149,7 +154,7 @@ def _run_worker(options: argparse.Namespace, arguments: Sequence[str] | None) ->
         cards_unused=cards_unused,
         is_beside_cpu=options.paired,
         cards_worker=cards_worker,
-        keeping=TermsKeeper(options.slots, _tags(options, host, kind), _command_line_terms(options)),
+        keeping=keeping,
         pieces=_create_pieces(log),
         is_over_https=joined.relay is not None,
     )
@@ -159,6 +164,8 @@ def _run_worker(options: argparse.Namespace, arguments: Sequence[str] | None) ->
         lines.always["worker"] = joined.name
     way = " over HTTPS" if joined.relay is not None else ""
     log.info("%s: %d slots for %s%s", joined.name, options.slots, options.service, way)
+    if has_plain:
+        precompile_kernels(link, ahead)
     try:
         code = app.run(worker)
         return EXIT_REFUSED if worker.is_refused else code

@@ -18,7 +18,6 @@ from renderer.child_processes import die_with_parent
 from telemetry import tracing
 from telemetry.log_lines import uses_json
 from worker import tasks
-from worker.exchange.kernel_precompile import precompile_full_kernel
 from worker.heartbeat import Heartbeat
 from worker.process import context
 from worker.process.queue_order import STRATEGY
@@ -69,7 +68,6 @@ def run(worker: context.WorkerContext) -> int:
     signals.worker_process_init.connect(_on_slot_start)
     signals.worker_process_shutdown.connect(_on_slot_end)
     signals.worker_shutting_down.connect(_on_shutdown)
-    signals.worker_ready.connect(_on_ready)
     leaving = ShutdownReporter(worker)
     signals.worker_shutting_down.connect(leaving.begin)
     celery = make_app(worker).Worker(
@@ -108,13 +106,6 @@ def _on_slot_start(**_: Any) -> None:
     die_with_parent(worker.pid)
     worker.after_fork()
     worker.board.write(slot(), {})
-
-
-def _on_ready(**_: Any) -> None:
-    """Called when the worker is ready: starts to compile in advance the kernel that supports all scene features."""
-    worker = context.current()
-    if worker.keeping is None or worker.keeping.may_precompile():
-        precompile_full_kernel(worker.link)
 
 
 def _on_slot_end(**_: Any) -> None:

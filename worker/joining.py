@@ -1,4 +1,4 @@
-"""Joins the farm while the kernels are compiled, in a thread of the starting worker that ends before Celery forks."""
+"""Joins the farm while the kernel is loaded, in a thread of the starting worker that ends before Celery forks."""
 
 from __future__ import annotations
 

@@ -18,10 +18,10 @@ from worker.work.reader import begin_launcher
 
 
 def load() -> None:
-    """If the plain kernel (of scenes without textures) is cached: loads it, and starts the launcher of confined readers."""
+    """Starts the launcher of confined readers, and loads the plain kernel (of scenes without textures) if it is cached."""
     copy_shipped_kernels(jit.cache_folder())
+    begin_launcher()
     if jit.is_cached(kernel_name()):
-        begin_launcher()
         warm_up()
 
 

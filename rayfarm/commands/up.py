@@ -143,7 +143,7 @@ def _with_note(ready: Callable[[], bool]) -> Callable[[], bool]:
             return True
         if not is_noted and time.monotonic() - begun > NOTE_AFTER_S:
             is_noted = True
-            out.print("Compiling kernels, which takes about half a minute at the first start.")
+            out.print("Compiling kernels, about half a minute at the first start. Scenes can be opened meanwhile.")
         return False
 
     return check

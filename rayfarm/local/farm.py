@@ -245,7 +245,7 @@ class LocalFarm:
             return link_of(url, client.call("POST", "/api/links", user=OWNER)["code"])
 
     def worker_ready(self) -> bool:
-        """Returns True if this farm's worker has its kernels and accepts batches."""
+        """Returns True if this farm's worker accepts work. Its kernels may still be compiled, which work then waits for."""
         report = self._worker_report()
         return report is not None and report.state == "ready"
 

@@ -291,5 +291,5 @@ def farm_stall_reason(roster: WorkerSnapshot) -> str | None:
         )
     return Sentence(
         "job-waits-for-kernel-load",
-        "Waits for the workers to load their kernels; the first time this takes half a minute or more.",
+        "Waits for the workers to start.",
     )

@@ -20,6 +20,7 @@ import pytest
 from protocol.contract import (
     DENOISE,
     PATH_GUIDE,
+    PREPARE,
     RENDER_BATCHES,
     RESULTS,
     DenoiseFrame,
@@ -71,6 +72,13 @@ materials:
   grey: {kind: diffuse, color: 0.5}
 environment: {color: 1}
 """
+USD = """#usda 1.0
+def Mesh "square" {
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +108,26 @@ def test_scene_is_prepared(bench: Bench, info: SceneInfo) -> None:
     assert info.compiled.sha256 in bench.service.blobs
     made = [result.event["thumbnail"] for result in bench.seen if result.event["type"] == "thumbnail-made"]
     assert bench.service.blobs[made[0]["sha256"]].startswith(b"\x89PNG")
+
+
+@pytest.mark.long
+def test_cold_worker_shows_a_scene_before_its_kernels_are_compiled(
+    redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RAYFARM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("RAYFARM_KERNELS", str(tmp_path / "none"))  # without those of an installation
+    limit = ["--memory", "64"]  # so that it compiles the plain kernel only
+    with a_worker(redis_url, tmp_path, slots=1, options=limit) as cold:
+        cold.upload("scene", {"square.usda": USD.encode()}, "square.usda")
+        kind = cold.report().kind  # type: ignore[union-attr]
+        cold.celery.send_task(PREPARE, kwargs={"scene": "scene"}, queue=prepare_queue(kind))
+        while "preview" not in (event := cold.next("prepare-progress").event):
+            assert "compiling" not in event["step"]
+        assert not [*tmp_path.rglob("*.done")]
+        assert event["preview"]["preview"]["sha256"] in cold.service.blobs
+        assert cold.next("prepared", "prepare-failed", seconds=400.0).event["type"] == "prepared"
+        assert [*tmp_path.rglob("render_pool-plain*.done")]
+        cold.next("thumbnail-made")
 
 
 def test_sum_of_batches_equals_whole_picture(bench: Bench, info: SceneInfo) -> None:

@@ -6,7 +6,7 @@ trust.py              selects the TLS certificate to trust
 cache.py              blobs by hash on this machine
 kernels.py            download and upload of compiled kernels
 ready.py              downloads or compiles a kernel
-kernel_precompile.py  compiles the full-featured kernel in advance
+kernel_precompile.py  compiles the plain and the full-featured kernel in advance
 results.py            sends events and sums on the Redis stream of results
 sums_sender.py        sends a slot's sums in a thread while it renders
 polling_thread.py     a thread that begins its tasks by itself, a little later

@@ -22,7 +22,7 @@ from worker.exchange.errors import LinkError, WorkerError
 from worker.exchange.link import Link
 from worker.telemetry import logs
 
-__all__ = ["fetch_kernel", "upload_kernel", "upload_kernel_in_background"]
+__all__ = ["fetch_kernel", "upload_kernel", "upload_kernel_in_background", "upload_kernel_with_retries"]
 
 log = logging.getLogger(__name__)
 _LATER_S = 10.0  # a new worker has its first tile to render
@@ -83,14 +83,14 @@ def main() -> int:
     token = os.environ.get("RAYFARM_TOKEN", "")
     logs.set_up()
     try:
-        _upload_once_compiled(Link(options.service, token), options.folder, options.kernel)
+        upload_kernel_with_retries(Link(options.service, token), options.folder, options.kernel)
     except (WorkerError, OSError) as error:
         log.warning("the kernels are not uploaded: %s", error)
         return 1
     return 0
 
 
-def _upload_once_compiled(link: Link, folder: Path, kernel: str) -> None:
+def upload_kernel_with_retries(link: Link, folder: Path, kernel: str) -> None:
     """Like `upload_kernel`, but retries for up to a minute, since the service may be starting or restarting."""
     until = time.monotonic() + _PATIENCE_S
     while True:

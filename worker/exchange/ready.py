@@ -9,36 +9,43 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from renderer import jit
-from renderer.parallel_compile import Helpers
 from renderer.render import PLAIN, kernel_name, pilot_kernel_name, warm_up, warm_up_pilot
 from renderer.settings import RenderSettings
 from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
 from worker.exchange.link import Link
 
-__all__ = ["fetch_or_compile", "make_kernel_ready", "make_pilot_ready", "pilot_readiness"]
+__all__ = ["fetch_or_compile", "load_or_fetch_kernel", "make_kernel_ready", "make_pilot_ready", "pilot_readiness"]
 
 _log = logging.getLogger("worker")
 
 
-def make_kernel_ready(
-    link: Link, settings: RenderSettings | None = None, variant: str = PLAIN, helpers: Helpers | None = None
-) -> None:
+def load_or_fetch_kernel(link: Link) -> bool:
+    """Loads the plain kernel from the cache or from the farm. Returns False if neither has it, so that it must be compiled."""
+    if jit.is_cached(kernel_name()):
+        make_kernel_ready(link)
+        return True
+    is_fetched, sentence = fetch_kernel(link, jit.cache_folder(), kernel_name())
+    _log.info(sentence)
+    if is_fetched:
+        fetch_or_compile(link)
+    return is_fetched
+
+
+def make_kernel_ready(link: Link, settings: RenderSettings | None = None, variant: str = PLAIN) -> None:
     """Makes a kernel ready: downloads it from the farm if possible; otherwise compiles it, and uploads it in the background.
 
-    variant: which scene features it supports. helpers: processes that compile parts of it in parallel.
+    variant: which scene features it supports.
     """
-    if not fetch_or_compile(link, settings, variant, helpers):
+    if not fetch_or_compile(link, settings, variant):
         upload_kernel_in_background(link, jit.cache_folder(), kernel_name(settings, variant))
 
 
-def fetch_or_compile(
-    link: Link, settings: RenderSettings | None = None, variant: str = PLAIN, helpers: Helpers | None = None
-) -> bool:
+def fetch_or_compile(link: Link, settings: RenderSettings | None = None, variant: str = PLAIN) -> bool:
     """Downloads a kernel from the farm, or else compiles it; does not upload it. Returns whether the farm had the kernel.
 
     Parameters as for `make_kernel_ready`.
     """
-    return _fetch_or_compile(link, kernel_name(settings, variant), lambda fetch: warm_up(settings, variant, fetch, helpers))
+    return _fetch_or_compile(link, kernel_name(settings, variant), lambda fetch: warm_up(settings, variant, fetch))
 
 
 def make_pilot_ready(link: Link, settings: RenderSettings, variant: str) -> None:

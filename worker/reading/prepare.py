@@ -21,16 +21,18 @@ from renderer.scene.preview import preview
 from worker.reading.scene_folder import folder_of
 from worker.reading.thumbnail import thumbnail_settings
 
-__all__ = ["PREVIEW", "prepare"]
+__all__ = ["COMPILE", "PREVIEW", "prepare"]
 
 PREVIEW = "preview.mesh"
+COMPILE = "compile_kernels"  # function of the slot that returns once the kernels that prepare scenes are cached
 
 
 def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[str, Any]:
     """Compiles a scene into the folder `out`, and returns its summary. Raises RayfarmError.
 
     The summary also has the name of the compiled scene's manifest in `out`, and the kernel variant that renders the scene.
-    link: connection to the slot, which receives the progress and a preview.
+    link: connection to the slot, which receives the progress and a preview. Reading and the preview take no kernels; then the
+    slot's function COMPILE is called.
     """
 
     def progress(step: str, fraction: float) -> None:
@@ -45,6 +47,7 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
     description = shot.scene_at(Moment(shot.start))
     if (shown := draw_preview(description, folder_of(out) / PREVIEW)) is not None:
         link.send({"step": "reading", "fraction": 0.3, "preview": shown})
+    link.call_parent(COMPILE)
     kept = ShotCache()
     compiled = compile_scene(description, compiling, shot_cache=kept)
     summary = summarise(description, compiled)

@@ -20,9 +20,9 @@ from renderer.render import kernel_name, warm_up
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.process.context import WorkerContext
-from worker.reading.prepare import PREVIEW, prepare
+from worker.reading.prepare import COMPILE, PREVIEW, prepare
 from worker.work.files import memory_budget, place_files
-from worker.work.reader import ReaderFolder, translated_errors
+from worker.work.reader import ReaderFolder, has_plain_kernel, translated_errors
 from worker.work.relight import relight
 from worker.work.scenes import store, store_scene
 
@@ -94,7 +94,8 @@ def _prepare_in_reader(
             progress(str(message.get("step")), float(message.get("fraction", 0.0)))
 
         job = partial(prepare, os.fsencode(folder), read, os.fsencode(room.out))
-        summary = room.run(job, manifest.main, SECONDS, handle_message, reads=[folder])
+        calls = {COMPILE: lambda: _compile_plain_kernel(progress)}
+        summary = room.run(job, manifest.main, SECONDS, handle_message, calls=calls, reads=[folder], needs_kernels=False)
         _compile_kernel(summary.get("variant"), progress)
         progress("storing", 0.95)
         compiled = store_scene(worker, room.compiled(summary.get("compiled")))
@@ -136,6 +137,16 @@ def _scene_info(worker: WorkerContext, summary: dict[str, Any], compiled: BlobRe
         vary=summary.get("vary"),
         names={kind: summary.get(kind, [])[:MAX_NAMES] for kind in ("objects", "materials", "light_groups")},
     )
+
+
+def _compile_plain_kernel(progress: Progress) -> None:
+    """Compiles the plain kernel, and with it the kernels that prepare scenes, unless this machine has them cached.
+
+    Usually a starting worker is compiling them already (worker/exchange/kernel_precompile.py), and this waits for it.
+    """
+    if not has_plain_kernel():
+        progress(COMPILING, 0.3)
+        warm_up()
 
 
 def _compile_kernel(variant: Any, progress: Progress) -> None:

@@ -21,7 +21,7 @@ from renderer.confine import running
 from renderer.confine.job_folder import temporary_folder
 from renderer.confine.reader import Link
 from renderer.confine.running import Bounds
-from renderer.render import FULL, kernel_name
+from renderer.render import FULL, kernel_name, warm_up
 from renderer.scene.compiled_parts import parts_of
 from renderer.sentences import Sentence
 from worker.exchange.errors import UnfitError, WorkError
@@ -29,7 +29,7 @@ from worker.process.context import WorkerContext
 from worker.work.files import link_or_copy, memory_budget
 from worker.work.scenes import open_scene
 
-__all__ = ["ReaderFolder", "begin_launcher", "translated_errors"]
+__all__ = ["ReaderFolder", "begin_launcher", "has_plain_kernel", "translated_errors"]
 
 Send = Callable[[dict[str, Any]], None]
 Job = Callable[[Link], dict[str, Any]]
@@ -41,9 +41,9 @@ _PRELOAD = (
     *(f"worker.reading.{name}" for name in _JOBS),
     # Kernels of readers, which those import only for files of their format.
     *("renderer.scene.readers.obj_lines", "renderer.scene.readers.threemf_rows", "renderer.scene.readers.gltf.deform"),
-    "worker.reading.kernels:load",
     "renderer.scene.readers.usd:load",
 )
+_PLAIN_KERNEL = "worker.reading.kernels:load"
 _ALL_PREPARING = "renderer.preparation_kernels:prepare"
 _PLAIN_NAME = re.compile(r"[0-9A-Za-z][0-9A-Za-z_.-]{0,99}")
 _MAX_MANIFEST_BYTES = 64 << 20  # bytes
@@ -52,7 +52,22 @@ _MAX_MANIFEST_BYTES = 64 << 20  # bytes
 def begin_launcher() -> None:
     """Starts the launcher that forks readers for this process and its children. Raises UnfitError."""
     with translated_errors():
-        running.begin_launcher(_PRELOAD)
+        running.begin_launcher(_preload())
+
+
+def has_plain_kernel() -> bool:
+    """Returns True if the plain kernel, and with it the kernels that prepare scenes, are in this machine's cache."""
+    return jit.is_cached(kernel_name())
+
+
+def _preload() -> list[str]:
+    """Returns what the launcher loads before it forks a reader: of the kernels those that are cached.
+
+    While it waited for others to be compiled, no scene could be read.
+    """
+    plain = [_PLAIN_KERNEL] if has_plain_kernel() else []
+    preparing = [_ALL_PREPARING] if jit.is_cached(kernel_name(variant=FULL)) else []
+    return [*_PRELOAD, *plain, *preparing]
 
 
 @contextlib.contextmanager
@@ -108,17 +123,28 @@ class ReaderFolder:
         preload: Sequence[str] = (),
         calls: Mapping[str, Callable[..., Any]] | None = None,
         reads: Sequence[Path] = (),
+        needs_kernels: bool = True,
     ) -> dict[str, Any]:
         """Runs a job in a reader and returns its answer; see renderer.confine.running.Reader. Raises WorkError and UnfitError.
 
         subject: name of the file for error messages. seconds: time limit. on_message: called with each message of
         the job. memory: limit in bytes; None: the worker's budget. preload: modules to import before the job starts, or
         "module:function" to call. calls: functions of this process that the reader may call, by name. reads: other folders that
-        the reader may read.
+        the reader may read. needs_kernels: False for a job that begins without kernels; for others they are compiled first,
+        since a reader cannot store what it compiles.
         """
         with (
             translated_errors(),
-            self.begin_reader(job, subject, seconds, memory=memory, preload=preload, calls=calls, reads=reads) as reader,
+            self.begin_reader(
+                job,
+                subject,
+                seconds,
+                memory=memory,
+                preload=preload,
+                calls=calls,
+                reads=reads,
+                needs_kernels=needs_kernels,
+            ) as reader,
         ):
             return reader.result(on_message)
 
@@ -132,6 +158,7 @@ class ReaderFolder:
         preload: Sequence[str] = (),
         calls: Mapping[str, Callable[..., Any]] | None = None,
         reads: Sequence[Path] = (),
+        needs_kernels: bool = True,
     ) -> running.Reader:
         """Starts a reader with the job. Parameters as for `run`. Raises UnfitError."""
         bounds = Bounds(
@@ -141,7 +168,8 @@ class ReaderFolder:
             Sentence("memory-granted-to-scene", "that this worker grants one scene"),
             Sentence("advice-shrink-or-split", "Make it smaller, or split it into several."),
         )
-        more = [_ALL_PREPARING] if jit.is_cached(kernel_name(variant=FULL)) else []  # do not wait while it is compiled
+        if needs_kernels and not has_plain_kernel():
+            warm_up()
         calls = {**callable_functions(self.scene, self.folder), **(calls or {})}
         with translated_errors():
             return running.Reader(
@@ -149,7 +177,7 @@ class ReaderFolder:
                 [self.scene, self.base, *reads],
                 [self._temporary, self.out],
                 bounds,
-                [*_PRELOAD, *more, *preload],
+                [*_preload(), *preload],
                 calls,
             )
 

@@ -137,6 +137,36 @@ def test_slot_compiles_missing_kernel(
     assert (prepare.COMPILING in steps) == bool(compiled)
 
 
+def test_preview_comes_before_kernels_are_compiled(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = b"solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n"
+    ref = BlobRef("scene.stl", hashlib.sha256(data).hexdigest(), len(data))
+    worker.cache.path(ref.sha256).write_bytes(data)
+    done: list[str] = []
+
+    def run(room: ReaderFolder, job: Any, subject: str, seconds: float, on_message: Any, **more: Any) -> dict[str, Any]:
+        assert not more["needs_kernels"]
+        link = SimpleNamespace(send=on_message, call_parent=lambda name: more["calls"][name]())
+        answer: dict[str, Any] = job(link)
+        return answer
+
+    def build(*_: Any, **__: Any) -> Any:
+        done.append("build")
+        raise WorkError("this test ends here")
+
+    monkeypatch.setattr(ReaderFolder, "run", run)
+    monkeypatch.setattr(jit, "is_cached", lambda name: False)
+    monkeypatch.setattr(prepare, "warm_up", lambda: done.append("compile"))
+    monkeypatch.setattr("worker.reading.prepare.compile_scene", build)
+    with pytest.raises(WorkError, match="ends here"):
+        prepare.prepare_scene(
+            worker,
+            Manifest("scene", "scene.stl", [ref]),
+            lambda step, part: done.append("step") if step == prepare.COMPILING else None,
+            lambda shown: done.append(f"preview of {len(shown.cameras)} camera"),
+        )
+    assert done == ["preview of 1 camera", "step", "compile", "build"]
+
+
 def test_thumbnail_has_scene_aspect_ratio() -> None:
     view = {"eye": [0, 0, 1], "target": [0, 0, 0]}
     asked = {(16, 9): 144, (100, 100): 256, (1000, 10): 64, (1, 9): 512}

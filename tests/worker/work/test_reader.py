@@ -12,11 +12,13 @@ from typing import Any
 import pytest
 
 from protocol.contract import BlobRef, Manifest
+from renderer import jit
 from tests.renderer.confine import jobs
 from tests.worker.work.jobs import link_out, raise_disk_full, return_answer
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import UnfitError, WorkError
 from worker.exchange.link import FarmAnswer, Link
+from worker.work import reader
 from worker.work.files import place_files
 from worker.work.reader import ReaderFolder
 
@@ -31,6 +33,21 @@ def test_reader_cannot_access_slot_resources(monkeypatch: pytest.MonkeyPatch) ->
     assert all(each.startswith(("/dev/null", "pipe:")) for each in found["descriptors"])
     assert found["refused"] == dict.fromkeys(found["refused"], True)
     assert not room.folder.exists()
+
+
+@pytest.mark.parametrize("needs_kernels", [True, False])
+def test_only_jobs_that_need_kernels_wait_for_them(monkeypatch: pytest.MonkeyPatch, needs_kernels: bool) -> None:
+    loaded: list[list[str]] = []
+    compiled: list[bool] = []
+    monkeypatch.setattr(jit, "is_cached", lambda name: bool(compiled))
+    monkeypatch.setattr(reader, "warm_up", lambda: compiled.append(True))
+    monkeypatch.setattr(reader.running, "Reader", lambda job, reads, writes, bounds, preload, calls: loaded.append(preload))
+    with ReaderFolder("test") as room:
+        room.begin_reader(jobs.probe, "truck.glb", SECONDS, needs_kernels=needs_kernels)
+    (preload,) = loaded
+    assert compiled == [True] * needs_kernels
+    assert ("worker.reading.kernels:load" in preload) == needs_kernels
+    assert "worker.reading.prepare" in preload
 
 
 @pytest.mark.parametrize(
