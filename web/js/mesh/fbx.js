@@ -259,7 +259,7 @@ async function blendedPoints(scene, id, geometry) {
       moved += indices?.length ?? 0;
       if (moved > MOST_CORNERS) throw new RangeError("too many blend shapes"); // a file may name a shape any number of times
       const blended = isBlended && found ? found : Float64Array.from(points);
-      indices?.forEach((index, i) => {
+      indices?.forEach((/** @type {number} */ index, /** @type {number} */ i) => {
         for (let axis = 0; axis < 3; axis++) blended[3 * index + axis] = (blended[3 * index + axis] ?? 0) + share * (offsets?.[3 * i + axis] ?? 0);
       });
       [found, isBlended] = [blended, true];

@@ -17,8 +17,8 @@ export function trianglesOf(count, place) {
   if (count < 4 || count > MOST_CLIPPED) return fan;
   const points = flattened(Array.from({ length: count }, (_, corner) => place(corner)));
   const turn = (/** @type {number} */ a, /** @type {number} */ b, /** @type {number} */ c) => {
-    const [p, q, r] = [points[a] ?? [0, 0], points[b] ?? [0, 0], points[c] ?? [0, 0]];
-    return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+    const [[px = 0, py = 0] = [], [qx = 0, qy = 0] = [], [rx = 0, ry = 0] = []] = [points[a], points[b], points[c]];
+    return (qx - px) * (ry - py) - (qy - py) * (rx - px);
   };
   if (points.every((_, i) => turn((i + count - 1) % count, i, (i + 1) % count) >= 0)) return fan;
   const left = points.map((_, i) => i);
