@@ -84,6 +84,9 @@ export function timeRange(low, high) {
   return from.unit === to.unit ? t("{low}–{time}", { low: from.n, time: to.text }) : t("{low}–{time}", { low: from.text, time: to.text });
 }
 
+/** An upper limit of a duration: "≤ 30 s". @param {number} seconds */
+export const timeLimit = (seconds) => t("≤ {time}", { time: inUnit(seconds).text });
+
 /** @param {number} seconds @returns {{n: number, unit: string, text: string}} */
 function inUnit(seconds) {
   const rounded = (/** @type {number} */ size) => Math.round(seconds / size);

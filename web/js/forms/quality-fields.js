@@ -1,7 +1,7 @@
 /** The quality of a picture: samples per pixel, by presets with their expected time and noise, or as a number. */
 
 import { h, setText } from "../base/dom.js";
-import { noiseText, timeRange } from "../base/format.js";
+import { noiseText, timeLimit } from "../base/format.js";
 import { field, numberOf, segments, typeNext } from "./fields.js";
 import { CUSTOM, QUALITIES, steadyRanges } from "./render-presets.js";
 import { numberFor } from "./setting-field.js";
@@ -51,7 +51,7 @@ export function qualityFields(defaults, changed, expect) {
     for (const { spp: preset, costs, element } of choices) {
       const samples = preset ?? get();
       const { seconds, noise } = expect(samples);
-      setText(costs, seconds === null ? t("{n} spp", { n: samples }) : timeRange(...ranges(`${samples}`, seconds)));
+      setText(costs, seconds === null ? t("{n} spp", { n: samples }) : timeLimit(ranges(`${samples}`, seconds)[1]));
       element.title = [t("{n} samples", { n: samples }), noise === null ? "" : t("{noise} noise", { noise: noiseText(noise) })].filter(Boolean).join(" · ");
     }
     setText(quality.aside, t("{n} samples", { n: get() }));
