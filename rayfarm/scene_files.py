@@ -83,10 +83,11 @@ def opened_scene(
             names = [p.relative_to(scene).as_posix() for p in scene.rglob("*") if p.is_file()]
         if scene.suffix.lower() in ARCHIVE_SUFFIXES:
             folder = scratch()
-            names = _unpack(scene, folder)
+            names = _unpack(scene, folder, MAX_UNPACKED)
             for nested in nested_archives(names):
                 inner = PurePosixPath(nested).with_suffix("")
-                names += [f"{inner}/{name}" for name in _unpack(folder / nested, folder / inner)]
+                left = MAX_UNPACKED - sum((folder / name).stat().st_size for name in names)
+                names += [f"{inner}/{name}" for name in _unpack(folder / nested, folder / inner, left)]
                 names.remove(nested)
         elif environment is not None:
             folder = scratch()
@@ -113,8 +114,8 @@ def _link(path: Path, target: Path) -> None:
         shutil.copyfile(path, target)
 
 
-def _unpack(archive: Path, folder: Path) -> list[str]:
-    """Unpacks a zip file of the user; returns the names of its files.
+def _unpack(archive: Path, folder: Path, max_bytes: int) -> list[str]:
+    """Unpacks a zip file of the user; returns the names of its files. max_bytes: most bytes of its contents.
 
     Parts of names that lead outside the folder, such as "..", are removed.
     """
@@ -128,9 +129,9 @@ def _unpack(archive: Path, folder: Path) -> list[str]:
             pairs = [(name, entry) for name, entry in pairs if name and not is_junk(name)]
             entries = [entry for _, entry in pairs]
             total = sum(entry.file_size for entry in entries)
-            if total > MAX_UNPACKED:
+            if total > max_bytes:
                 raise CommandError(
-                    f"{archive.name} unpacks to {total / 2**30:.1f} GiB; at most {MAX_UNPACKED >> 30} GiB are allowed."
+                    f"{archive.name} unpacks to {total / 2**30:.1f} GiB; at most {MAX_UNPACKED >> 30} GiB are allowed in all."
                 )
             for name, entry in pairs:
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)

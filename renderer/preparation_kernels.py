@@ -11,6 +11,8 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription
 from renderer.scene.geometry import MIN_BATCH_INSTANCES
 from renderer.scene.readers.gltf.deform import Bones, skinned
+from renderer.scene.readers.obj_lines import parse
+from renderer.scene.readers.threemf_rows import cut_out
 
 __all__ = ["is_prepared", "prepare", "prepare_first"]
 
@@ -33,8 +35,10 @@ def prepare_first() -> None:
 
 @functools.cache
 def prepare() -> None:
-    """Compiles or loads all kernels that prepare scenes, including those for large meshes, instances and motion."""
+    """Compiles or loads all kernels that prepare scenes: also those of OBJ and 3MF files, large meshes, instances and motion."""
     prepare_first()
+    parse(b"v 0 0 0\n", "one-vertex.obj")
+    cut_out(b'<vertices><vertex x="0" y="0" z="0" /></vertices>')
     small = _mesh(1)
     skinned(small, Bones(np.zeros((3, 4), np.int64), np.zeros((3, 4), np.float32)), np.eye(4)[None])
     meshes, instances = [_mesh(2 * LEAST_PART), small], [Instance(0), Instance(1, moves=True)]

@@ -598,8 +598,8 @@ def warm_up(
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
     nothing, _ = example_of(f"{variant}{variant_suffix(settings)}")
     with (
-        helpers or helpers_for(settings, variant) as helping,
         jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold,
+        helpers or helpers_for(settings, variant) as helping,  # none in a process that has waited for another one's kernel
     ):
         if is_cold:
             helping.share()

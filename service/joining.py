@@ -41,19 +41,23 @@ def data_variable(folder: Path) -> str:
 
 def joining(settings: Settings) -> Joining:
     """Returns how workers join the farm with these settings."""
-    program = os.environ.get("RAYFARM_PROGRAM", "rayfarm")
     if settings.published_names:
         return _joining_containers(settings)
-    token = f"{data_variable(settings.data)}{program} token make NAME --role worker --days 0"
+    program = os.environ.get("RAYFARM_PROGRAM", "rayfarm")
+    here = f"{data_variable(settings.data)}{program}"
     own = settings.own_url if not settings.is_loopback else f"http://127.0.0.1:{settings.port}"
     url = os.environ.get(URL_VARIABLE) or settings.public_url.rstrip("/") or (None if settings.is_loopback else own)
     return Joining(
         url=url,
         start=os.environ.get(START_VARIABLE) or None,
-        token=f"{token} > NAME.token",
-        here=f"RAYFARM_TOKEN=$({token.replace(' NAME ', ' local ')}) {program} worker --join {url or own}",
+        token=f"{here} {_token('NAME')} > NAME.token",
+        here=f"RAYFARM_TOKEN=$({here} {_token('local')}) {program} worker --join {shlex.quote(url or own)}",
         program=program,
     )
+
+
+def _token(name: str) -> str:
+    return f"token make {name} --role worker --days 0"
 
 
 def _joining_containers(settings: Settings) -> Joining:
@@ -62,7 +66,7 @@ def _joining_containers(settings: Settings) -> Joining:
     return Joining(
         url=settings.page_url if is_open else None,
         start=None if is_open else f"{port}RAYFARM_BIND=0.0.0.0 {_COMPOSE} up -d",
-        token=f"{_COMPOSE} exec service rayfarm token make NAME --role worker --days 0 > NAME.token",
+        token=f"{_COMPOSE} exec service rayfarm {_token('NAME')} > NAME.token",
         here=f"{_COMPOSE} up -d worker",
         program="python3 farm.py",
     )

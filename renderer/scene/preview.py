@@ -27,10 +27,11 @@ from renderer.scene.preview_light import (
 from renderer.scene.preview_materials import PreviewSurface, preview_surface
 from renderer.scene.preview_textures import Textures
 
-__all__ = ["MOST_TRIANGLES", "preview"]
+__all__ = ["MOST_MATERIALS", "MOST_TRIANGLES", "preview"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
+I64 = npt.NDArray[np.int64]
 U8 = npt.NDArray[np.uint8]
 
 MOST_TRIANGLES = 1_000_000
@@ -38,6 +39,7 @@ FEWEST = 24  # triangles of a decimated mesh
 MOST_INSTANCES = 50_000  # further instances are not shown
 MOST_SPHERES = 2_000
 MOST_EMITTERS = 1_000  # further ones light nothing
+MOST_MATERIALS = 1_000  # further ones show their colour only
 RINGS, FEW_RINGS = 24, 12  # of a sphere, and of one among many
 FEW_SPHERES = 200
 HUGE, REACH = 50.0, 12.0  # radius of a wall, and how far it is drawn, by the distance from the camera to it
@@ -48,8 +50,8 @@ class _Shape(NamedTuple):
 
     positions: F64
     normals: F32
-    triangles: npt.NDArray[np.int64]
-    vertices: npt.NDArray[np.int64]  # of the mesh, for its colours and UVs
+    triangles: I64
+    vertices: I64  # of the mesh, for its colours and UVs
 
 
 class _Part(NamedTuple):
@@ -76,18 +78,18 @@ def preview(description: SceneDescription, max_triangles: int = MOST_TRIANGLES) 
     shapes: dict[int, _Shape] = {}
     colors: dict[tuple[int, int], U8] = {}
     parts: list[_Part] = []
-    lit: list[tuple[Mesh, F64, Material]] = []
+    lit: list[tuple[F64, I64, F64, Material]] = []
     for instance in used:
         mesh = meshes[instance.mesh]
         number, material = _material(description, instance)
         to_world = np.asarray(instance.transform, np.float64)
-        if max(material.emission) > 0.0:
-            lit.append((mesh, to_world, material))
-        if material.kind == "interface" or material.unseen:
-            continue
         if instance.mesh not in shapes:
             shapes[instance.mesh] = _shape(mesh, share)
         shape = shapes[instance.mesh]
+        if max(material.emission) > 0.0 and len(lit) < MOST_EMITTERS:
+            lit.append((shape.positions, shape.triangles, to_world, material))
+        if material.kind == "interface" or material.unseen:
+            continue
         surface = surfaces.of(number, material, mesh, to_world)
         if (instance.mesh, number) not in colors:
             colors[instance.mesh, number] = _colors(mesh, shape, surface)
@@ -103,8 +105,8 @@ def preview(description: SceneDescription, max_triangles: int = MOST_TRIANGLES) 
         return None
     bounds = np.stack([joined.positions.min(axis=0), joined.positions.max(axis=0)])
     lamps = [*lamps_of(description, bounds), *_emitting_spheres(description, bounds)]
-    lamps += [lamp for each in lit[:MOST_EMITTERS] if (lamp := lamp_of_mesh(*each, bounds)) is not None]
-    emitted = sum(emitted_power(*each) for each in lit[:MOST_EMITTERS])
+    lamps += [lamp for each in lit if (lamp := lamp_of_mesh(*each, bounds)) is not None]
+    emitted = sum(emitted_power(*each) for each in lit)
     in_studio = is_studio(description, emitted, bounds)
     return joined._replace(
         textures=textures.encoded(),
@@ -124,7 +126,11 @@ class _Surfaces:
     def of(self, number: int, material: Material, mesh: Mesh, to_world: F64) -> PreviewSurface:
         if number not in self._known:
             size = np.abs(to_world[:3, :3]) @ np.ptp(mesh.positions.astype(np.float64), axis=0)
-            self._known[number] = preview_surface(material, self._description, self._textures, float(size.min()))
+            surface = preview_surface(material, self._description, self._textures, float(size.min()))
+            if len(self._known) >= MOST_MATERIALS:
+                plain = PreviewMaterial(unlit=material.kind == "unlit", alpha_mode=material.alpha_mode)
+                surface = surface._replace(material=plain)
+            self._known[number] = surface
         return self._known[number]
 
 
@@ -176,7 +182,17 @@ def _shape(mesh: Mesh, share: float) -> _Shape:
     while len(shape.triangles) > target and cells >= 2.0:
         shape = _clustered(positions, normals, mesh.triangles, cells)
         cells *= 0.8 * np.sqrt(target / max(len(shape.triangles), 1)) if len(shape.triangles) > target else 1.0
-    return shape
+    return _of_corners(shape)
+
+
+def _of_corners(shape: _Shape) -> _Shape:
+    """Returns a shape without the vertices that no triangle has: instances of few triangles may have millions of them."""
+    used = np.zeros(len(shape.positions), np.bool_)
+    used[shape.triangles] = True
+    if used.all():
+        return shape
+    numbers = np.cumsum(used) - 1
+    return _Shape(shape.positions[used], shape.normals[used], numbers[shape.triangles], shape.vertices[used])
 
 
 def _clustered(positions: F64, normals: F32, triangles: npt.NDArray[Any], cells: float) -> _Shape:

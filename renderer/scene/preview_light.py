@@ -12,7 +12,7 @@ import numpy.typing as npt
 from renderer.image import rgbe9995
 from renderer.luminance import luminance
 from renderer.preview_mesh import PreviewLamp
-from renderer.scene.description import Environment, Light, Mesh, SceneDescription, Sphere
+from renderer.scene.description import Environment, Light, SceneDescription, Sphere
 from renderer.scene.environment import are_accents
 from renderer.scene.material import Material
 from renderer.scene.readers.linear_images import linear
@@ -24,7 +24,9 @@ __all__ = ["emitted_power", "environment_texels", "is_studio", "lamp_of_mesh", "
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
+I64 = npt.NDArray[np.int64]
 _HEIGHT = 64  # rows of texels
+_SAMPLED = 8  # pixels of an image of 8 or 16 bits for a texel, along a side
 _FACING = 0.9  # length of the mean normal above which an emitter is flat
 _MOST_LAMPS = 16
 _NEAREST = 1e-3  # of a lamp to the middle of the bounds, by their diagonal
@@ -54,7 +56,10 @@ def environment_texels(description: SceneDescription, in_studio: bool) -> F32 | 
         reduced = _reduced(image_of_sky(environment.sky))
     elif environment.image is not None:
         image = description.images[environment.image]
-        pixels = image.pixels if image.pixels.dtype == np.float32 else linear(replace(image, srgb=True))
+        pixels = image.pixels
+        if pixels.dtype != np.float32:
+            step = max(1, pixels.shape[0] // (_SAMPLED * _HEIGHT))
+            pixels = linear(replace(image, pixels=pixels[::step, ::step], srgb=True))
         reduced = _reduced(pixels[..., :3])
     else:
         reduced = np.ones((1, 1, 3))
@@ -72,7 +77,9 @@ def _reduced(radiance: npt.NDArray[Any]) -> F64:
     columns = np.arange(2 * _HEIGHT) * width // (2 * _HEIGHT)
     if height < _HEIGHT or width < 2 * _HEIGHT:
         return radiance[rows][:, columns].astype(np.float64)
-    sums = np.add.reduceat(np.add.reduceat(radiance, rows, axis=0, dtype=np.float64), columns, axis=1)
+    ends = [*rows[1:], height]
+    blocks = (radiance[first:end].sum(axis=0) for first, end in zip(rows, ends, strict=True))  # one by one, for memory
+    sums = np.stack([np.add.reduceat(block, columns, axis=0, dtype=np.float64) for block in blocks])
     counts = np.outer(np.diff([*rows, height]), np.diff([*columns, width]))
     return np.asarray(sums / counts[..., None])
 
@@ -92,20 +99,20 @@ def strongest(lamps: list[PreviewLamp]) -> tuple[PreviewLamp, ...]:
     return tuple(sorted(bright, key=lambda lamp: -float(luminance(np.array(lamp.color))))[:_MOST_LAMPS])
 
 
-def emitted_power(mesh: Mesh, to_world: F64, material: Material) -> float:
-    """Returns the power of an emitting mesh without textures, by its luminance."""
-    corners = (mesh.positions.astype(np.float64) @ to_world[:3, :3].T)[mesh.triangles]
+def emitted_power(positions: F64, triangles: I64, to_world: F64, material: Material) -> float:
+    """Returns the power of emitting triangles, by the luminance of their material without textures."""
+    corners = (positions @ to_world[:3, :3].T)[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
     sides = 2.0 if material.double_sided else 1.0
     return math.pi * sides * float(np.linalg.norm(normal, axis=1).sum()) * float(luminance(np.array(material.emission)))
 
 
-def lamp_of_mesh(mesh: Mesh, to_world: F64, material: Material, bounds: F64) -> PreviewLamp | None:
-    """Returns an emitting mesh as a lamp at its middle; None if it has no area. bounds: (2, 3), of what is seen.
+def lamp_of_mesh(positions: F64, triangles: I64, to_world: F64, material: Material, bounds: F64) -> PreviewLamp | None:
+    """Returns emitting triangles as a lamp at their middle; None if they have no area. bounds: (2, 3), of what is seen.
 
-    A flat one shines to its front, as a Lambertian emitter does. Others, and those with two sides, shine in all directions.
+    Those in a plane shine to the front, as a Lambertian emitter does. Others, and those with two sides, shine in all directions.
     """
-    corners = (mesh.positions.astype(np.float64) @ to_world[:3, :3].T + to_world[:3, 3])[mesh.triangles]
+    corners = (positions @ to_world[:3, :3].T + to_world[:3, 3])[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
     areas = np.linalg.norm(normal, axis=1)
     area = float(areas.sum())

@@ -21,6 +21,7 @@ MOST_TEXELS = 1 << 24  # of all textures: with JPEG and WebP, about half a byte 
 MOST_TEXTURES = 256  # further ones are not shown
 _QUALITY = 88
 _SMALL = 64  # pixels of a side, up to which files are small without losses
+_INTEGERS, _FLOATS = 8, 3  # pixels averaged for one, along a side: others of huge images are left out, for time and memory
 _FASTEST = 0  # of WebP's methods
 
 
@@ -66,8 +67,10 @@ def _reduced(image: Image, is_data: bool, side: int, nearest: bool) -> Pillow.Im
     """Returns an image of 8 bits a channel of at most `side` pixels a side. Colours become sRGB, data stay as they are."""
     pixels = image.pixels
     height, width = pixels.shape[:2]
-    step = max(1, max(width, height) // (8 * side))  # so that conversions of huge images stay cheap
-    shown = Pillow.fromarray(_bytes(pixels[::step, ::step], is_data or (image.srgb and pixels.dtype.kind != "f")))
+    is_encoded = is_data or (image.srgb and pixels.dtype.kind != "f")
+    most = (_INTEGERS if is_encoded and pixels.dtype.kind != "f" else _FLOATS) * side
+    step = max(1, -(-max(width, height) // most))
+    shown = Pillow.fromarray(_bytes(pixels[::step, ::step], is_encoded))
     scale = side / max(shown.size)
     if scale >= 1.0:
         return shown

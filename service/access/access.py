@@ -21,6 +21,7 @@ LOCAL_ONLY_TOKEN = "this-machine-only"  # docker-compose.yml's default
 SESSION_S = 30 * 86400.0
 LINK_S = 86400.0
 NOTES_WINDOW_S = 60.0
+DENOISING_WINDOW_S = 600.0
 
 
 class Access:
@@ -44,6 +45,7 @@ class Access:
         self.oidc = oidc_of(settings, sessions)
         self.attempts = Attempts()
         self.note_rate = RateLimit(NOTES_WINDOW_S)
+        self.link_denoising_rate = RateLimit(DENOISING_WINDOW_S)
         self.audit = Audit(settings.data)
         self._owner = settings.owner_token
         self._farm = settings.token

@@ -443,6 +443,7 @@ def _expand_archives(
             writer.rewind(), path, store, left_files, left_bytes, settings.max_unzip_ratio, check_disk, notes
         ):
             found.append((folder + name, made))
+            safe_name(folder + name)  # may be too long
             left_files -= 1
             left_bytes -= made.size
         writer.discard()  # all its content is stored separately by now

@@ -9,9 +9,11 @@ from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
-from renderer.frames import parse_frames
+from renderer.frames import frame_key, parse_frames
+from renderer.sentences import Sentence
 from service.access.keys import Share
 from service.access.roles import OWNER, Role
+from service.errors import OverQuota
 from service.farm import Farm
 from service.http.curve_name import CurveName
 from service.http.farm import FarmDependency
@@ -19,7 +21,7 @@ from service.http.routers import api_router
 from service.http.share_links import ShareDependency, may_comment
 from service.http.visit import VisitDependency
 from service.jobs.describe import describe
-from service.jobs.lookup import find_job
+from service.jobs.lookup import find_job, find_picture
 from service.models.jobs import JobState
 from service.models.notes import ReviewOut
 from service.routes import frames
@@ -31,6 +33,7 @@ router = api_router(prefix="/api", tags=["jobs"])
 
 DAY_S = 86400.0
 MAX_DAYS = 365
+MAX_DENOISED = 20  # pictures within access.DENOISING_WINDOW_S, besides those that are stored
 PAGE = "shared/"
 DENOISE_HELP = "denoised; waits for a worker. While the job renders, the picture is a preview: see `preview` of a job's image"
 
@@ -127,6 +130,8 @@ async def get_shared_image(
     """Returns the picture, as rendered so far, of the job that a link shows. The link's secret is sent as the bearer token."""
     job = await run_in_threadpool(_shared_job, share, farm)
     number = frame if frame in job.frames else job.frames[0]
+    if denoise and job.state in FINAL_STATES:  # otherwise a preview, for which workers have a share of their time
+        await run_in_threadpool(_check_denoising, share, number, farm)
     answer = await frames.image(
         *(share.job, number, extension, request, farm, visit),
         denoise=denoise,
@@ -137,6 +142,21 @@ async def get_shared_image(
     )
     answer.headers["Cache-Control"] = "no-store"
     return answer
+
+
+def _check_denoising(share: Share, number: float, farm: Farm) -> None:
+    """Raises OverQuota if a picture must be denoised, and many were for this link. That takes 20 s of a core per megapixel."""
+    if farm.engine.denoised(share.job, frame_key(number), find_picture(share.job, number, farm)) is not None:
+        return
+    if (seconds := farm.access.link_denoising_rate.count([(("link", share.id), MAX_DENOISED)])) is not None:
+        raise OverQuota(
+            Sentence(
+                "share-link-denoised-often",
+                "Too many pictures were denoised for this link. Try again in {seconds} s, or leave denoise out.",
+                seconds=max(1, round(seconds)),
+            ),
+            seconds,
+        )
 
 
 def _shared_job(share: Share, farm: Farm) -> SharedJob:

@@ -101,18 +101,21 @@ def _record_scene(stored: Upload, owner: UploadOwner, visit: Visit, farm: Farm) 
 def _equal_scene(stored: Upload, project: str, farm: Farm) -> Scene | None:
     """Returns the scene of the same files that was uploaded without a floor, or with floor "auto", if both have the same content.
 
-    They do if the files have light. Returns None if there is no such scene, or its light is not known.
+    They do if the files have light, at all times and in all variants. Returns None if there is no such scene, if its light is not
+    known, or if the upload itself exists as a scene.
     """
     if stored.floor == "on" or stored.strict or stored.environment is not None:
         return None
-    other = None if stored.floor else "auto"
-    id = scene_id(stored.files, stored.main, None, stored.variant, stored.up, other)
+    other = scene_id(stored.files, stored.main, None, stored.variant, stored.up, None if stored.floor else "auto")
     with farm.sessions() as session:
-        scene = session.get(Scene, id_in_project(project, id))
+        if session.get(Scene, id_in_project(project, stored.id)) is not None:
+            return None
+        scene = session.get(Scene, id_in_project(project, other))
     if scene is None or scene.of is not None or scene.status != "ready" or scene.info is None:
         return None
+    changes = "#" in stored.main or any(scene.info.get(name) for name in ("clips", "animations", "variants", "vary"))
     is_lit = all(getattr(warning, "code", "") != NO_LIGHTS for warning in scene.info.get("warnings", []))
-    return scene if is_lit and not scene.info.get("floor") else None
+    return scene if is_lit and not changes and not scene.info.get("floor") else None
 
 
 def _record_upload_span(scene: Scene, begun: float, traceparent: str | None) -> None:

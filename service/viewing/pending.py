@@ -6,7 +6,7 @@ import time
 import uuid
 from dataclasses import dataclass, field
 
-from service.viewing.passes import Piece
+from service.viewing.passes import DraftSize, Piece
 from service.viewing.session import ViewSession
 
 __all__ = ["PendingMessage"]
@@ -26,7 +26,7 @@ class PendingMessage:
     pick: tuple[int, int] | None = None  # unanswered
     is_frame: bool = False
     denoises: bool = False
-    drafts: bool = False  # whether a draft is to answer it
+    draft: DraftSize | None = None  # of the draft that is to answer it
     queue: str = ""  # where it was sent
     card: str = ""  # name of the worker whose graphics card is to answer it
     id: str = field(default_factory=lambda: uuid.uuid4().hex)
@@ -39,9 +39,9 @@ class PendingMessage:
 
         Also gives back a pixel whose pick is unanswered, and ends a denoising without a picture, and a view's drafts.
         """
-        if self.drafts and self.view == self.session.view:
+        if self.draft is not None and self.view == self.session.view:
             self.session.stop_drafts()
-        self.drafts = False
+        self.draft = None
         if self.denoises and self.view == self.session.view:
             self.session.end_denoising(None)
         if self.pieces and self.session.passes is not None and self.view == self.session.view:

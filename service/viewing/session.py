@@ -100,7 +100,7 @@ class ViewSession:
     def free_pictures(self) -> None:
         """Frees the pictures of a closed session at once, although other objects may still refer to the session."""
         with self._lock:
-            self.settings, self.passes, self._canvases, self._denoised = None, None, [], None
+            self.settings, self.passes, self._canvases, self._denoised, self._draft = None, None, [], None, None
 
     @property
     def pixels(self) -> int:

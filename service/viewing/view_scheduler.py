@@ -362,7 +362,7 @@ class ViewScheduler:
         """Sends a message for the view's draft, once a card has room for it; if none has in time, the view has no draft."""
         if session.draft_size is None or session.piece_wait_s < math.inf or session.settings is None or session.request is None:
             return
-        if any(out.drafts and out.session is session for out in self._out.values()):
+        if any(out.draft is not None and out.session is session for out in self._out.values()):
             return
         has_cpu = self._cpu_slots(session) > 0
         card = self._cards.free(session, self._out.values(), self._shared_cards, has_cpu, drafts=True)
@@ -370,8 +370,9 @@ class ViewScheduler:
             if time.monotonic() - session.begun > DRAFT_SEND_TIMEOUT_S:
                 session.stop_drafts()
             return
-        width, height, samples = session.draft_size
-        out = PendingMessage(session, session.view, session.kind, drafts=True, queue=card_view_queue(card.name), card=card.name)
+        width, height, samples = size = session.draft_size
+        queue = card_view_queue(card.name)
+        out = PendingMessage(session, session.view, session.kind, draft=size, queue=queue, card=card.name)
         settings = replace(session.settings, width=width, height=height)
         parts = [Part(0, Tile(0, 0, width, height), 0, samples)]
         about = (out.id, session.id, session.view, session.compiled)
@@ -505,10 +506,12 @@ class ViewScheduler:
 
     def _handle_draft(self, out: PendingMessage, answer: ViewAnswer) -> None:
         session = out.session
-        if not out.drafts or session.draft_size is None or session.request is None:
+        if (
+            out.draft is None or out.draft != session.draft_size or session.request is None
+        ):  # another since the view was restarted
             return
-        out.drafts = False
-        width, height, samples = session.draft_size
+        width, height, samples = out.draft
+        out.draft = None
         self._cards.update_draft(session.request, out.card, answer.seconds / (width * height * samples))
         session.put_draft(answer.sums)
         session.wake()

@@ -55,7 +55,7 @@ def drop(page: Page, name: str, content: bytes) -> None:
 def render(page: Page) -> None:
     for fields in ("Size", "Quality"):
         page.get_by_role("radiogroup", name=fields).get_by_text("Custom").click()
-    page.get_by_label("Width").fill("32")
+    page.get_by_role("spinbutton", name="Width").fill("32")
     page.get_by_label("Height", exact=True).fill("32")
     page.get_by_label("Samples per pixel").fill("4")
     page.get_by_role("button", name="Render", exact=True).click()

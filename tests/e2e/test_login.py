@@ -48,7 +48,9 @@ def test_login_by_link_logout_and_login_by_password(service: Service, watched: W
 
         page.goto(f"{service.url}/#/workers")
         expect(page.get_by_role("heading", name="Workers", exact=True)).to_be_visible()
+        page.get_by_role("button", name="More", exact=True).click()
         page.get_by_role("link", name="Logged in as anna").click()
+        expect(page.get_by_role("link", name="Logged in as anna")).to_be_hidden()
         page.get_by_role("button", name="Log out").click()
         page.get_by_label("Name").fill("Anna ")
         page.get_by_label("Password").fill("not it")

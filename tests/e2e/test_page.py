@@ -64,7 +64,7 @@ def test_dropped_file_is_rendered_and_pixels_equal_film(farm: Farm, watched: Wat
 
     page.get_by_text("Custom").nth(1).click()
     page.get_by_label("Keep the aspect").uncheck()
-    page.get_by_label("Width").fill(str(WIDTH))
+    page.get_by_role("spinbutton", name="Width").fill(str(WIDTH))
     page.get_by_label("Height", exact=True).fill(str(HEIGHT))
     page.get_by_text("Custom").nth(2).click()
     page.get_by_label("Samples per pixel").fill(str(ENDLESS_SPP))
@@ -203,7 +203,7 @@ def test_missing_files_are_added_and_main_file_is_selected(farm: Farm, watched: 
     asked = page.get_by_role("dialog", name="2 models: which is the scene?")
     asked.get_by_role("button", name="table.obj").click()
     expect(page.get_by_role("heading", name="table")).to_be_visible()
-    warning = page.get_by_text("its texture oak.png is not among the files")
+    warning = page.locator(".first-warning", has_text="its texture oak.png is not among the files")
     expect(warning).to_be_visible(timeout=60_000)
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Add files").click()

@@ -1,4 +1,4 @@
-"""Tests of how the page finds black pictures, and points by which it tells whether a camera sees something."""
+"""Tests of how the page finds black pictures, and of the points that it picks to find surfaces."""
 
 from __future__ import annotations
 

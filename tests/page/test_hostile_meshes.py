@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 import struct
+import zipfile
 from collections.abc import Iterator
 from threading import Timer
 from typing import Any
@@ -97,12 +99,28 @@ def repeated_glb() -> bytes:
     return with_json(gltf)
 
 
+def glb_of(material: dict[str, Any]) -> bytes:
+    """Returns a GLB of a triangle with a material."""
+    data = glb()
+    (length,) = struct.unpack_from("<I", data, 12)
+    gltf = json.loads(data[20 : 20 + length])
+    gltf["accessors"][0]["count"] = 3
+    gltf["materials"] = [material]
+    gltf["meshes"][0]["primitives"][0]["material"] = 0
+    return with_json(gltf)
+
+
+ENDLESS = {"emissiveFactor": [1e300, 0, 0], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 1e300}}}
+
+
 def lying() -> Iterator[Any]:
     yield pytest.param({"a.ply": ply("element nothing 1e300\nelement vertex 3")}, id="PLY, an endless element without properties")
     yield pytest.param({"a.ply": ply("element vertex 4000000000")}, id="PLY, more vertices than bytes")
     yield pytest.param({"a.fbx": overlapping_fbx()}, id="FBX, nodes larger than the one around them")
     yield pytest.param({"a.glb": glb(byteStride=1e-8)}, id="GLB, a stride of almost nothing")
     yield pytest.param({"a.glb": glb(byteStride=-1)}, id="GLB, a negative stride")
+    yield pytest.param({"a.glb": glb_of(ENDLESS)}, id="GLB, an infinite emission")
+    yield pytest.param({"a.glb": glb_of({"pbrMetallicRoughness": {"metallicFactor": "x"}})}, id="GLB, a word for a number")
 
 
 @pytest.mark.parametrize("files", list(lying()))
@@ -146,5 +164,43 @@ def test_large_files_are_read_in_linear_time(own: Node, make: str, triangles: in
     assert own.call("mesh/upload", READ_LARGE, {"make": make, "formats": list(SCENE_SUFFIXES)}) == triangles
 
 
+def test_plain_material_is_read(own: Node) -> None:
+    assert triangles_of(own, {"a.glb": glb_of({"alphaMode": "MASK", "extensions": {"KHR_materials_unlit": {}}})}) == 1
+
+
 def test_instances_are_bounded(own: Node) -> None:
     assert triangles_of(own, {"a.glb": repeated_glb()}) == 20_000
+
+
+def zip_of(files: dict[str, bytes], stated: int | None = None) -> bytes:
+    """Returns a zip; stated: the size in bytes that its directory states for each file."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+        for entry in archive.filelist:
+            entry.file_size = stated or entry.file_size
+    return made.getvalue()
+
+
+@pytest.mark.parametrize(("stated", "triangles"), [(200 << 20, 1), (300 << 20, None)])
+def test_zips_in_a_zip_share_the_limit_of_an_upload(own: Node, stated: int, triangles: int | None) -> None:
+    scene, material = ("mtllib a.mtl\n" + TRIANGLE).encode(), b"newmtl a\n"
+    inner = {"scene.zip": zip_of({"a.obj": scene}, stated), "materials.zip": zip_of({"a.mtl": material}, stated)}
+    assert triangles_of(own, {"a.zip": zip_of(inner)}) == triangles
+
+
+READ_PARTS = """
+    const names = Array.from({ length: a.count }, (_, i) => i);
+    const materials = names.map((i) => `newmtl m${i}\\nKe ${i} 0 0\\n`).join("");
+    const object = "mtllib a.mtl\\nv 0 0 0\\nv 1 0 0\\nv 0 1 0\\n" + names.map((i) => `usemtl m${i}\\nf 1 2 3\\n`).join("");
+    const files = [["a.obj", object], ["a.mtl", materials]].map(([path, data]) => ({ path, file: new Blob([data]) }));
+    const { packet, isWhole } = await m.meshOf({ files, formats: a.formats });
+    return { triangles: packet.triangles, parts: packet.parts.length, isWhole };"""
+
+
+def test_parts_that_each_take_a_draw_call_are_bounded(own: Node) -> None:
+    found = own.call("mesh/upload", READ_PARTS, {"count": 5_000, "formats": list(SCENE_SUFFIXES)})
+    assert found["triangles"] == 5_000
+    assert found["parts"] <= 1_001
+    assert not found["isWhole"], "the service's mesh replaces it"

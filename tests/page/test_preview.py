@@ -210,3 +210,24 @@ def test_reading_is_given_up_when_it_takes_long_or_the_service_refuses(node: Nod
             Object.assign(globalThis, known);
         }"""
     assert node.call("scene/preview-mesh", body, list(encode_mesh(mesh))) == [1, None, 1, None, 2]
+
+
+def test_mesh_of_a_scene_that_was_left_does_not_disturb_the_open_one(node: Node) -> None:
+    """Its download ends, and its error does not drop the mesh that is loaded meanwhile."""
+    body = """
+        const known = { fetch };
+        const requested = [];
+        globalThis.fetch = async (url, { signal }) => {
+            requested.push(url);
+            if (url.includes("open")) return new Response(new Uint8Array(a));
+            return new Promise((_, reject) => signal.addEventListener("abort", () => reject(signal.reason)));
+        };
+        try {
+            const left = m.meshOf("left").then(() => "loaded", ({ name }) => name);
+            while (!requested.length) await new Promise((next) => setTimeout(next));
+            const open = m.meshOf("open");
+            return [await left, m.meshOf("open") === open, (await open).triangles, requested.length];
+        } finally {
+            Object.assign(globalThis, known);
+        }"""
+    assert node.call("scene/preview-mesh", body, list(encode_mesh(triangle()))) == ["AbortError", True, 1, 2]

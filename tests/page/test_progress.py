@@ -78,3 +78,11 @@ def test_new_job_shows_live_view_picture(node: Node) -> None:
         return [other, again, own?.isSame ?? null, [...film.words], film.isBlank, film.total];"""
     assert node.call("film/first-look", body, {"isBlank": False}) == [None, None, False, [7, 7, 9, 9] * 2, False, 0]
     assert node.call("film/first-look", body, {"isBlank": True}) == [None, None, None, [0] * 8, True, 0]
+
+
+def test_upload_that_ended_is_listed_again_when_it_is_repeated(node: Node) -> None:
+    body = """
+        const upload = m.arrive("truck.glb");
+        const lengths = [upload.end, upload.begin, upload.begin, upload.end].map((change) => (change(), m.arriving.value.length));
+        return lengths;"""
+    assert node.call("news/arriving", body) == [0, 1, 1, 0]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from rayfarm import scene_files
 from rayfarm.errors import CommandError
 from rayfarm.scene_files import files_to_upload, opened_scene
 
@@ -87,6 +88,18 @@ def test_zip_in_a_zip_is_unpacked(scene_folder: Path, tmp_path: Path) -> None:
     with opened_scene(tmp_path / "model.zip") as (folder, main, _):
         assert main == "source/inner/room.obj"
         assert (folder / main).read_bytes() == (scene_folder / "room.obj").read_bytes()
+
+
+def test_limit_of_size_holds_for_both_levels_of_zips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("a.zip", "b.zip"):
+        with zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_DEFLATED) as packed:
+            packed.writestr("room.obj", "v 0 0 0\n" * 1000)
+    with zipfile.ZipFile(tmp_path / "model.zip", "w") as packed:
+        for name in ("a.zip", "b.zip"):
+            packed.write(tmp_path / name, name)
+    monkeypatch.setattr(scene_files, "MAX_UNPACKED", 15_000)
+    with pytest.raises(CommandError, match=r"^b\.zip unpacks to"), opened_scene(tmp_path / "model.zip"):
+        pass
 
 
 @pytest.mark.parametrize(

@@ -28,8 +28,27 @@ prepare_first()
 compile = Dispatcher.compile
 Dispatcher.compile = lambda self, types: (print(self.py_func.__name__), compile(self, types))[1]
 shot = Shot(Path(sys.argv[1]), sys.argv[2], None, None)
-compile_scene(shot.at(Moment(shot.start)))
+compile_scene(shot.scene_at(Moment(shot.start)))
 """
+
+_READING = """
+from numba.core.dispatcher import Dispatcher
+from renderer.preparation_kernels import prepare
+from renderer.scene.readers.obj_lines import parse
+from renderer.scene.readers.threemf_rows import cut_out
+
+prepare()
+compile = Dispatcher.compile
+Dispatcher.compile = lambda self, types: (print(self.py_func.__name__), compile(self, types))[1]
+assert parse(b"v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nf 1 2 3\\n", "a.obj")
+assert cut_out(b'<triangles><triangle v1="0" v2="1" v3="2" /></triangles>')[1]
+"""
+
+
+@pytest.mark.long
+def test_parsers_of_text_files_need_no_compilation() -> None:
+    done = subprocess.run([sys.executable, "-c", _READING], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout == ""
 
 
 @pytest.mark.long

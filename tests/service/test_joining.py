@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,16 @@ def test_loopback_farm_is_started_again_for_other_machines(monkeypatch: pytest.M
     assert found.token == f"{token} > NAME.token"
     assert found.here == (
         f"RAYFARM_TOKEN=$({token.replace('NAME', 'local')}) python3 farm.py worker --join http://127.0.0.1:9000"
+    )
+
+
+def test_commands_are_quoted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv(URL_VARIABLE, "http://[fd00::1]:8000")
+    folder = tmp_path / "my NAME $(id)"
+    words = shlex.split(joining(Settings.read(data=folder, host="::")).here)
+    assert words[-3:] == ["worker", "--join", "http://[fd00::1]:8000"]
+    assert joining(Settings.read(data=folder)).here.startswith(
+        f"RAYFARM_TOKEN=$(RAYFARM_DATA='{folder}' python3 farm.py token make local "
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from protocol.contract import Manifest
 from protocol.mesh import encode_mesh
 from renderer.confine.reader import Link
+from renderer.errors import RayfarmError
 from renderer.render import variant_for
 from renderer.scene.animation import Moment
 from renderer.scene.compile import camera_dicts, compile_scene, summarise
@@ -26,13 +28,15 @@ __all__ = ["COMPILE", "PREVIEW", "prepare"]
 PREVIEW = "preview.mesh"
 COMPILE = "compile_kernels"  # function of the slot that returns once the kernels that prepare scenes are cached
 
+log = logging.getLogger(__name__)
+
 
 def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[str, Any]:
     """Compiles a scene into the folder `out`, and returns its summary. Raises RayfarmError.
 
     The summary also has the name of the compiled scene's manifest in `out`, and the kernel variant that renders the scene.
-    link: connection to the slot, which receives the progress and a preview. Reading and the preview take no kernels; then the
-    slot's function COMPILE is called.
+    link: connection to the slot, which receives the progress and a preview. Reading and the preview need none of the kernels
+    that take long to compile; before those are needed, the slot's function COMPILE is called.
     """
 
     def progress(step: str, fraction: float) -> None:
@@ -59,7 +63,18 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
 
 
 def draw_preview(description: SceneDescription, path: Path) -> dict[str, Any] | None:
-    """Writes the preview mesh to `path`. Returns the scene's cameras, bounds and defaults; None if nothing is visible."""
+    """Writes the preview mesh to `path`. Returns the scene's cameras, bounds and defaults.
+
+    Returns None if nothing is visible, or if there can be no preview: whether the scene can be rendered, compiling decides.
+    """
+    try:
+        return _drawn_preview(description, path)
+    except (RayfarmError, ArithmeticError, LookupError, ValueError, MemoryError) as error:
+        log.warning("the scene has no preview: %s: %s", type(error).__name__, error)
+        return None
+
+
+def _drawn_preview(description: SceneDescription, path: Path) -> dict[str, Any] | None:
     mesh = preview(description)
     if mesh is None:
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +15,7 @@ from PIL import Image as Pillow
 from protocol.mesh import decode_mesh, encode_mesh
 from renderer.preview_mesh import NO_TEXTURE, PreviewLamp, PreviewMaterial, PreviewMesh, PreviewPart, PreviewTexture
 from renderer.scene.description import Environment, Image, Instance, Light, Material, Mesh, SceneDescription, Sky, Sphere, Texture
-from renderer.scene.preview import preview
+from renderer.scene.preview import MOST_MATERIALS, preview
 from renderer.scene.studio import light_studio, studio_image
 
 
@@ -57,6 +58,45 @@ def test_decimation_preserves_the_area() -> None:
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
     assert abs(area - 1) < 0.05
     assert found.positions.min() >= 0 and found.positions.max() <= 1
+
+
+def test_vertices_without_triangles_are_left_out() -> None:
+    """Otherwise many instances of a mesh with millions of vertices and one triangle would take all memory."""
+    mesh = Mesh("points", np.random.default_rng(1).random((100_000, 3), np.float32), np.int32([[7, 70_000, 9]]))
+    found = preview(scene(mesh, *[Instance(0)] * 2_000))
+    assert found is not None
+    assert found.positions.shape == (6_000, 3)
+    np.testing.assert_array_equal(found.positions[found.triangles[-1]], mesh.positions[mesh.triangles[0]])
+
+
+@pytest.mark.long
+def test_very_many_materials_become_few() -> None:
+    described = scene(sheet(1), *(Instance(0, material=number) for number in range(3_000)))
+    described.materials = [
+        Material(kind="metallic_roughness", roughness=n / 3_000, base_color=(n / 3_000,) * 3) for n in range(3_000)
+    ]
+    found = preview(described)
+    assert found is not None
+    assert len(found.materials) == len(found.parts) == MOST_MATERIALS + 1
+    assert len(np.unique(found.colors, axis=0)) > 200
+
+
+@pytest.mark.long
+def test_many_emitters_are_reduced_as_what_is_shown() -> None:
+    """The power of 1,000 emitting meshes of 20,000 triangles is measured with their reduced shapes."""
+    described = scene(sheet(100), *[Instance(0)] * 1_000, material=Material(emission=(1.0, 1.0, 1.0)))
+    begun = time.process_time()
+    found = preview(described)
+    assert time.process_time() - begun < 2.5
+    assert found is not None and found.lamps
+    (single,) = strongest_of(scene(sheet(100), material=Material(emission=(1.0, 1.0, 1.0))))
+    assert found.lamps[0].color == pytest.approx(single.color, rel=0.1)
+
+
+def strongest_of(described: SceneDescription) -> tuple[PreviewLamp, ...]:
+    found = preview(described)
+    assert found is not None
+    return found.lamps
 
 
 def textured(pixels: np.ndarray, **more: Any) -> SceneDescription:

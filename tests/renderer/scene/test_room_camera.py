@@ -1,12 +1,13 @@
 """Tests of the default camera of rooms: it stands inside, and only in rooms."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from renderer.scene.compile import camera_dicts
-from renderer.scene.description import Instance, SceneDescription
+from renderer.scene.description import Instance, Mesh, SceneDescription
 from renderer.scene.room_camera import room_view
 from tests.renderer.builders import box
 
@@ -78,6 +79,21 @@ def test_other_scenes_are_seen_from_outside(description):
     corners = np.array([np.where(which, BOUNDS[1], BOUNDS[0]) for which in np.ndindex(2, 2, 2)])
     (camera,) = camera_dicts(description, BOUNDS, corners)
     assert not ((BOUNDS[0] < camera["view"]["eye"]) & (camera["view"]["eye"] < BOUNDS[1])).all()
+
+
+def test_camera_of_many_objects_in_a_room_is_found_without_examining_all():
+    """A heap of large objects in the middle leaves the usual corner free. Their vertices would take 2 GB at once."""
+    heap = Mesh(
+        "heap", np.random.default_rng(1).random((10_000, 3), np.float32) - 0.5, np.arange(9_999, dtype=np.int32).reshape(-1, 3)
+    )
+    made = scene(inwards(unit_box()))
+    made.meshes.append(heap)
+    place = np.diag([1.0, 1.0, 1.0, 1.0])
+    place[:3, 3] = 0, 1.5, 0
+    made.instances += [Instance(2, place)] * 10_000
+    begun = time.process_time()
+    assert room_view(made, BOUNDS) == room_view(scene(inwards(unit_box())), BOUNDS)
+    assert time.process_time() - begun < 10
 
 
 def test_camera_avoids_what_stands_in_its_corner():

@@ -48,6 +48,20 @@ def test_lit_scene_is_the_same_with_and_without_automatic_floor(service: Service
             assert upload(text, **second)["id"] != found["id"], "it has a floor, or might have one"
 
 
+def test_scenes_that_may_be_unlit_at_times_are_not_taken_as_equal(service: Service) -> None:
+    """Another frame or variant without light would have the automatic floor. A scene that exists answers its own upload."""
+    for number, info in enumerate(({"clips": [{"name": "fade"}]}, {"variants": ["night"]}, {})):
+        files = {"files": ("lit.yaml", f"# at times {number}".encode())}
+        found = service.http.post("/api/scenes", files=files).json()["id"]
+        with service.farm.sessions.begin() as session:
+            scene = session.get(Scene, found)
+            assert scene is not None
+            scene.status, scene.info = "ready", {"warnings": [], **info}
+        other = service.http.post("/api/scenes", data={"floor": "auto"}, files=files).json()["id"]
+        assert (other == found) == (not info)
+        assert service.http.post("/api/scenes", files=files).json()["id"] == found
+
+
 def test_example_includes_all_its_files(service: Service) -> None:
     opened = service.http.post("/api/examples/christmas")
     assert opened.status_code == 201 and opened.json()["name"] == "Christmas"

@@ -8,10 +8,13 @@ from typing import Any
 
 import httpx
 import pytest
+from fastapi import Response
 from PIL import Image
 
 from service.access.roles import Role
 from service.http.access_requirements import NEEDS
+from service.routes import share_links
+from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.store.models import Key
 from tests.service.api.test_access import ask, caller, shape
 from tests.service.api.test_projects import HIDDEN, People, checked_json, people  # noqa: F401 - `people` is a fixture
@@ -46,6 +49,29 @@ def test_share_link_shows_job_without_account(people: People) -> None:  # noqa: 
         assert guest.get("/api/shared/image.png", params={"mix": "no-such-group:2"}).status_code == 422
     page = httpx.get(f"{people.service.url}/shared/", verify=False)
     assert "share.js" in page.text
+
+
+def test_link_has_few_pictures_denoised(people: People, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    """Those that are stored already are not counted. Without the limit, each frame of a shot could be denoised by anybody."""
+    secret, _ = new_link(people.anna, people.ids["job"])
+    stored: list[ArtifactResult | None] = [None]
+    monkeypatch.setattr(share_links, "MAX_DENOISED", 2)
+    monkeypatch.setattr(type(people.service.farm.engine), "denoised", lambda *_: stored[0])
+    reached: list[str] = []
+
+    async def image(job: str, *_: Any, **more: Any) -> Response:
+        reached.append(job)
+        return Response(b"")
+
+    monkeypatch.setattr(share_links.frames, "image", image)
+    with caller(people.service, secret) as guest:
+        answers = [guest.get("/api/shared/image.png", params={"denoise": True}) for _ in range(3)]
+        assert [answer.status_code for answer in answers] == [200, 200, 429]
+        assert answers[-1].json()["code"] == "share-link-denoised-often" and 0 < int(answers[-1].headers["Retry-After"]) <= 600
+        assert guest.get("/api/shared/image.png").status_code == 200
+        stored[0] = ArtifactResult("0" * 64, "v", 1)
+        assert guest.get("/api/shared/image.png", params={"denoise": True}).status_code == 200
+    assert len(reached) == 4
 
 
 def test_share_link_gives_no_other_access(people: People) -> None:  # noqa: F811

@@ -129,6 +129,21 @@ def test_zip_bomb_in_a_zip_is_rejected(service: Service) -> None:
     assert stored(service) == before
 
 
+def test_limits_hold_for_both_levels_of_zips(service: Service) -> None:
+    """20 files are allowed: 16 are, with the inner archive, but not with its five."""
+    inner = zip_bytes({f"{number}.obj": OBJ for number in range(5)})
+    outer = {"inner.zip": inner, **{f"{number}.png": b"x" for number in range(15)}}
+    before = stored(service)
+    answer = post(service, [("model.zip", zip_bytes(outer))])
+    assert answer.status_code == 413
+    assert "inner.zip has 5 files; at most 4 are allowed" in answer.json()["detail"]
+    long = f"{'f' * 200}/" * 4 + f"{'n' * 200}.zip"
+    answer = post(service, [("model.zip", zip_bytes({long: zip_bytes({f"{'a' * 200}.obj": OBJ})}))])
+    assert answer.status_code == 422
+    assert "too long" in answer.json()["detail"]
+    assert stored(service) == before
+
+
 def test_equal_upload_gives_same_scene(service: Service) -> None:
     first = post(service, [("same.obj", OBJ + b"# same")])
     before = stored(service)

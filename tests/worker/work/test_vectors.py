@@ -41,18 +41,18 @@ def test_motion_vectors_equal_command_output(tmp_path: Path, name: str) -> None:
     description = Shot(tmp_path, "shot.glb").scene_at()
     cameras = summarise(description, compile_scene(description))["cameras"]
     auto = cameras[-1]["view"]
-    picture = Picture({"size": "24x16", **given})
+    picture = Picture({"size": "48x32", **given})
     moment = Moment(6.5, asked.get("fps"), asked.get("clip"))
     order = PictureOrder(picture, ["motion"], False, 0.0, "neutral", None, 0, asked.get("turntable"), None)
     stage = OpenScene(Shot(tmp_path, "shot.glb"), picture.camera, threads=1)
     expected = motion_of(stage, order, moment, Clock())
     own = {**asdict(OWN), "near": cameras[0]["view"]["near"]}  # options of the command keep values that they do not name
     request: dict[str, Any] = {"camera": given.get("camera"), "view": own if "eye" in given else None}
-    work = FrameVectors("work", "job", frame_key(6.5), "scene", 24, 16, auto, **request, **asked)
+    work = FrameVectors("work", "job", frame_key(6.5), "scene", 48, 32, auto, **request, **asked)
     result = tmp_path / "vectors.f32"
     link: Any = None
     sent = FrameVectors.from_json(asdict(work))
     vectors.vectors(os.fsencode(tmp_path), Manifest("scene", "shot.glb", []), sent, os.fsencode(result), link)
-    found = np.fromfile(result, "<f4").reshape(16, 24, 4)
+    found = np.fromfile(result, "<f4").reshape(32, 48, 4)
     assert np.abs(found).max() > 0.1
     np.testing.assert_array_equal(found, expected)

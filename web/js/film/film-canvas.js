@@ -282,7 +282,7 @@ export class FilmCanvas {
     gl.uniform2f(uniforms?.canvasSize ?? null, width, height);
     gl.uniform2f(uniforms?.origin ?? null, 0, 0);
     gl.uniform1f(uniforms?.scale ?? null, 1);
-    gl.uniform1f(uniforms?.gain ?? null, 2 ** look.exposure);
+    gl.uniform1f(uniforms?.gain ?? null, layer.gainAt(look.exposure));
     gl.uniform1i(uniforms?.curve ?? null, this.curve());
     gl.uniform1i(uniforms?.part ?? null, 0);
     gl.uniform1i(uniforms?.hasAlpha ?? null, 0);
@@ -316,7 +316,7 @@ export class FilmCanvas {
     gl.uniform2f(uniforms?.canvasSize ?? null, canvas.width, canvas.height);
     gl.uniform2f(uniforms?.origin ?? null, viewport.x + shift, viewport.y);
     gl.uniform1f(uniforms?.scale ?? null, (viewport.scale * viewport.picture.width) / layer.size.width);
-    gl.uniform1f(uniforms?.gain ?? null, 2 ** (look.exposure - (layer.draftExposure ?? 0)));
+    gl.uniform1f(uniforms?.gain ?? null, layer.gainAt(look.exposure));
     gl.uniform1i(uniforms?.curve ?? null, this.curve());
     gl.uniform1i(uniforms?.part ?? null, partIndex(look.part ?? ""));
     gl.uniform1i(uniforms?.hasAlpha ?? null, layer.hasAlpha ? 1 : 0);

@@ -140,6 +140,11 @@ export class FilmLayer {
     return this.image === null ? LINEAR : this.draftExposure === null ? DISPLAY : LOGARITHMIC;
   }
 
+  /** Returns the factor of the texture's values that shows them at an exposure. @param {number} exposure in stops */
+  gainAt(exposure) {
+    return 2 ** (exposure - (this.draftExposure ?? 0));
+  }
+
   dropImage() {
     this.image?.close();
     this.image = null;

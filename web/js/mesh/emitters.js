@@ -1,4 +1,4 @@
-/** The lamps that shining surfaces of a file are (renderer/scene/preview_light.py), without regard to the side that shines. */
+/** Makes lamps of the shining surfaces of a file, as renderer/scene/preview_light.py does, without regard to which side shines. */
 
 import { OMNI } from "./surface.js";
 
@@ -8,7 +8,7 @@ import { OMNI } from "./surface.js";
 
 /** Part of the light that a sky of radiance 1 sends into a scene, below which its lamps are accents: then the studio lights it. */
 const ACCENTS = 0.05;
-/** Of a surface's area, seen from a direction, about. */
+/** Share of a surface's area that is seen from a direction, about. */
 const SEEN = 0.25;
 
 /**

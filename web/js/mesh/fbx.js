@@ -52,7 +52,7 @@ class Scene {
     this.pictures = new Map();
     this.isBlenders = String(childOf(nodes.find(({ name }) => name === "FBXHeaderExtension"), "Creator")?.values[0] ?? "").startsWith("Blender");
     const templates = nodes.find(({ name }) => name === "Definitions")?.children.filter(({ name }) => name === "ObjectType") ?? [];
-    /** What materials have that do not state it. */
+    /** Default properties of materials. */
     this.materialDefaults = propertiesOf(childOf(templates.find(({ values }) => values[0] === "Material"), "PropertyTemplate"));
     this.settings = propertiesOf(nodes.find(({ name }) => name === "GlobalSettings"));
     this.root = rootOf(this.settings);

@@ -2,9 +2,12 @@
 
 /** @typedef {import("../shell/gather-files.js").NamedFile} NamedFile */
 
+/** Bytes that may still be read of an upload, those in its zips included. @typedef {{left: number}} Budget */
+
 /**
  * @typedef {object} Files
  * @property {string[]} names
+ * @property {Budget} budget
  * @property {(name: string) => Promise<Uint8Array<ArrayBuffer>>} read
  */
 
@@ -66,9 +69,10 @@ export function find(names, reference, from) {
  */
 export async function filesOf(given) {
   const [only, ...others] = given;
-  if (only && !others.length && only.path.toLowerCase().endsWith(".zip")) return zipOf(only.file);
+  const budget = { left: MOST_BYTES };
+  if (only && !others.length && only.path.toLowerCase().endsWith(".zip")) return zipOf(only.file, budget);
   const byName = new Map(given.map(({ path, file }) => [path, file]));
-  return readOnce(byName, async (file) => new Uint8Array(await file.arrayBuffer()));
+  return readOnce(byName, budget, async (file) => new Uint8Array(await file.arrayBuffer()));
 }
 
 /**
@@ -86,32 +90,33 @@ export async function unpackedFiles(files) {
       found.set(name, () => files.read(name));
       continue;
     }
-    const inner = await zipOf(new Blob([await files.read(name)]));
+    const inner = await zipOf(new Blob([await files.read(name)]), files.budget);
     for (const each of inner.names) found.set(`${name.slice(0, -".zip".length)}/${each}`, () => inner.read(each));
   }
-  return { names: [...found.keys()], read: async (name) => (await found.get(name)?.()) ?? Promise.reject(new Error("not here")) };
+  return { names: [...found.keys()], budget: files.budget, read: async (name) => (await found.get(name)?.()) ?? Promise.reject(new Error("not here")) };
 }
 
 /**
- * Returns files that are each read once, however often others name them, and together not more than this page may hold.
+ * Returns files that are each read once, however often others name them, as long as the budget lasts.
  *
  * @template {{size: number}} F
  * @param {Map<string, F>} byName
+ * @param {Budget} budget
  * @param {(file: F) => Promise<Uint8Array<ArrayBuffer>>} load
  * @returns {Files}
  */
-function readOnce(byName, load) {
+function readOnce(byName, budget, load) {
   /** @type {Map<string, Promise<Uint8Array<ArrayBuffer>>>} */
   const known = new Map();
-  let left = MOST_BYTES;
   return {
     names: [...byName.keys()],
+    budget,
     async read(name) {
       const before = known.get(name);
       if (before) return before;
       const file = byName.get(name);
-      left -= file?.size ?? 0;
-      if (!file || left < 0) throw new Error("not read here");
+      budget.left -= file?.size ?? 0;
+      if (!file || budget.left < 0) throw new Error("not read here");
       const contents = load(file);
       known.set(name, contents);
       return contents;
@@ -130,9 +135,10 @@ const MOST_BYTES = 512 * 1024 * 1024;
  * Reads a zip's directory. Source: PKWARE's APPNOTE.TXT, sections 4.3 and 4.4; without zip64.
  *
  * @param {Blob} file
+ * @param {Budget} budget
  * @returns {Promise<Files>}
  */
-async function zipOf(file) {
+async function zipOf(file, budget) {
   const tail = new DataView(await file.slice(Math.max(0, file.size - END_BYTES - MOST_COMMENT)).arrayBuffer());
   let end = tail.byteLength - END_BYTES;
   while (end >= 0 && tail.getUint32(end, true) !== END) end--;
@@ -148,7 +154,7 @@ async function zipOf(file) {
     if (!name.endsWith("/")) entries.set(name, { method, packed, size, at: directory.getUint32(at + 42, true) });
     at += 46 + length + directory.getUint16(at + 30, true) + directory.getUint16(at + 32, true);
   }
-  return readOnce(entries, async ({ method, packed, size, at }) => {
+  return readOnce(entries, budget, async ({ method, packed, size, at }) => {
     const head = new DataView(await file.slice(at, at + 30).arrayBuffer());
     const first = at + 30 + head.getUint16(26, true) + head.getUint16(28, true);
     const content = file.slice(first, first + packed);

@@ -5,11 +5,10 @@
  * read here, such as poses.
  */
 
-import { roomView } from "./room.js";
-import { MOST_TRIANGLES, decimated, frame, joined, orbitView } from "./shapes.js";
+import { MOST_TRIANGLES, decimated, orbitView } from "./shapes.js";
 import { pictureType } from "./files.js";
 import { IDENTITY, product } from "./matrix.js";
-import { coded, isBelow } from "./model.js";
+import { coded, isBelow, viewed } from "./model.js";
 import { MATT, NO_TEXTURE, OMNI, Pictures, dielectric } from "./surface.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
@@ -128,14 +127,14 @@ function meshOf(gltf, bin, beside, most) {
   }
   if (!drawn.length) return null;
   const lamps = lampsOf(gltf);
-  const found = joined(drawn, lamps);
+  const found = viewed(drawn, lamps, (low, high) => fileCamera(gltf, low, high));
   if (!found) return null;
-  const { packet, places } = found;
+  const { packet, view, hasAllMaterials } = found;
   if (lamps.length) packet.lamps = lamps.map((lamp) => fromMiddle(lamp, packet.low, packet.high));
   const hasPanes = packet.materials.some(({ transmission, thin }) => transmission > 0 && thin); // the service looks whether they are closed, and so filled
   const isPosed = (gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights);
-  const isWhole = isTextured && !hasPanes && drawn.length === all.length && !isPosed && !gltf.extensions?.KHR_materials_variants;
-  return { packet, view: fileCamera(gltf, packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images: pictures.all };
+  const isWhole = isTextured && hasAllMaterials && !hasPanes && drawn.length === all.length && !isPosed && !gltf.extensions?.KHR_materials_variants;
+  return { packet, view, isWhole, images: pictures.all };
 }
 
 const WRAPS = /** @type {Record<number, import("../news/mesh-packet.js").Wrap>} */ ({ 33071: "clamp", 33648: "mirror" });
@@ -354,7 +353,7 @@ function lampsOf(gltf) {
   });
 }
 
-/** Returns a lamp whose colour is an intensity with the one that it gives the middle of the scene. @param {import("./shapes.js").Lamp} lamp @param {Vec3} low @param {Vec3} high */
+/** Returns a lamp whose colour is the radiance that it gives the middle of the scene, in place of its intensity. @param {import("./shapes.js").Lamp} lamp @param {Vec3} low @param {Vec3} high */
 function fromMiddle(lamp, low, high) {
   const away = lamp.far ? 1 : Math.hypot(...lamp.at.map((value, i) => value - ((low[i] ?? 0) + (high[i] ?? 0)) / 2)) || 1;
   return { ...lamp, color: /** @type {Vec3} */ (lamp.color.map((value) => value / away ** 2)) };

@@ -11,7 +11,7 @@ import { meshOf } from "./upload.js";
 const scope = /** @type {any} */ (self);
 
 /** Side length to which larger textures are reduced, and the number of pixels of all of them together. */
-const [WIDEST, MOST_TEXELS] = [1024, 2 ** 28];
+const [WIDEST, MOST_TEXELS] = [1024, 2 ** 26];
 
 scope.onmessage = async (/** @type {MessageEvent<import("./upload.js").Upload>} */ { data }) => {
   const found = await meshOf(data);

@@ -12,7 +12,7 @@ import { uprightMatrix } from "./up-axis.js";
 /** @typedef {import("./shapes.js").Vec3} Vec3 */
 /** @typedef {import("../news/mesh-packet.js").MeshMaterial} MeshMaterial */
 
-/** A shape with its colour (sRGB, and opacity), its image, and what its material has besides. @typedef {{shape: Shape, color: number[], image: Picture | null, surface?: Partial<MeshMaterial>}} Part */
+/** A shape with its colour (sRGB, and opacity), its image, and further values of its material. @typedef {{shape: Shape, color: number[], image: Picture | null, surface?: Partial<MeshMaterial>}} Part */
 
 /** sRGB of linear 0.8 (renderer/scene/material.py), and of white. */
 export const GREY = [231, 231, 231, 255];
@@ -40,10 +40,24 @@ export function modelOf(parts, up, isWhole, most = MOST_TRIANGLES, { lamps = [],
     const shape = /** @type {Shape} */ (shapes[i]);
     return { shape, matrix, color, material: { ...MATT, ...surface, texture: shape.uvs ? pictures.numberOf(image) : NO_TEXTURE } };
   });
+  const found = viewed(drawn, lamps, camera);
+  return found && { packet: found.packet, view: found.view, isWhole: isWhole && found.hasAllMaterials, images: pictures.all };
+}
+
+/**
+ * Joins shapes, and chooses their view: that of the file's camera, the one inside a room, or one that frames them.
+ *
+ * @param {import("./shapes.js").Drawn[]} drawn
+ * @param {import("./shapes.js").Lamp[]} lamps of the file
+ * @param {(low: Vec3, high: Vec3) => import("../base/types.js").View | null} [camera] the file's
+ * @returns {{packet: import("./shapes.js").MeshPacket, view: import("../base/types.js").View, hasAllMaterials: boolean} | null} null as `joined`
+ */
+export function viewed(drawn, lamps, camera) {
   const found = joined(drawn, lamps);
   if (!found) return null;
-  const { packet, places } = found;
-  return { packet, view: camera?.(packet.low, packet.high) ?? roomView(drawn, packet.low, packet.high) ?? frame(places), isWhole, images: pictures.all };
+  const { packet, places, hasAllMaterials } = found;
+  const { low, high } = packet;
+  return { packet, view: camera?.(low, high) ?? roomView(drawn, low, high) ?? frame(places), hasAllMaterials };
 }
 
 /** Returns whether all indices are below a limit. @param {Uint32Array} indices @param {number} limit */

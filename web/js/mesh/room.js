@@ -1,4 +1,4 @@
-/** Returns the camera of a room: it stands inside, as the service's automatic camera (renderer/scene/room_camera.py, which explains the rule). */
+/** The camera of a room, which is inside, as the service's automatic camera (renderer/scene/room_camera.py, which explains the rule). */
 
 /** @typedef {import("./shapes.js").Drawn} Drawn */
 /** @typedef {import("./shapes.js").Vec3} Vec3 */

@@ -5,6 +5,7 @@
 
 import { emittersOf } from "./emitters.js";
 import { cofactors } from "./matrix.js";
+import { MATT } from "./surface.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").View} View */
@@ -45,6 +46,7 @@ export const MOST_TRIANGLES = 150_000;
 const FEWEST = 24; // triangles of a decimated shape
 const EXCESS = 1.5; // at which a shape is decimated again
 const MOST_CORNERS = 6_000_000; // of all triangles after decimation
+const MOST_MATERIALS = 1000; // each is drawn by a call of its own; shapes of further ones are matt, in their own colours
 const STEPS = 65535;
 
 /** The service's automatic camera (renderer/scene/default_camera.py). */
@@ -167,16 +169,21 @@ export const encoded = (value) => (value <= 0.0031308 ? 12.92 * value : 1.055 * 
  *
  * @param {Drawn[]} given
  * @param {Lamp[]} lamps of the file, which shine in a black world; without any, the studio lights the scene, unless shining surfaces do
- * @returns {{packet: MeshPacket, places: Float64Array} | null} places: of the vertices. null if any is not finite, or if they are too many
+ * @returns {{packet: MeshPacket, places: Float64Array, hasAllMaterials: boolean} | null} places: of the vertices. null if any, or a value of a
+ *   material or a lamp, is not finite, or if they are too many
  */
 export function joined(given, lamps) {
+  if (!lamps.every(hasFiniteValues)) return null;
   /** @type {Map<string, {material: import("../news/mesh-packet.js").MeshMaterial, drawn: Drawn[]}>} */
   const byMaterial = new Map();
   for (const each of given) {
-    const key = JSON.stringify(each.material);
+    const own = JSON.stringify(each.material);
+    const isFurther = !byMaterial.has(own) && byMaterial.size >= MOST_MATERIALS;
+    const [key, material] = isFurther ? [FURTHER, MATT] : [own, each.material];
     const known = byMaterial.get(key);
     if (known) known.drawn.push(each);
-    else byMaterial.set(key, { material: each.material, drawn: [each] });
+    else if (!hasFiniteValues(material)) return null;
+    else byMaterial.set(key, { material, drawn: [each] });
   }
   const drawn = [...byMaterial.values()].flatMap(({ drawn: same, material }, number) => same.map((each) => ({ ...each, material, number })));
   const vertices = drawn.reduce((sum, { shape }) => sum + shape.positions.length / 3, 0);
@@ -234,8 +241,14 @@ export function joined(given, lamps) {
   const packet = { vertices, triangles: corners / 3, low, high, positions, normals, colors, indices, ...(uvs && { uvs }), parts, materials, textures: [], lamps, environment: null, isStudio: false };
   if (!lamps.length) packet.lamps = emittersOf(packet, places);
   packet.isStudio = !packet.lamps.length;
-  return { packet, places };
+  return { packet, places, hasAllMaterials: !byMaterial.has(FURTHER) };
 }
+
+/** Key of the material that stands for those beyond MOST_MATERIALS. */
+const FURTHER = "";
+
+/** Whether a record has only finite numbers, besides flags and names of alpha modes: a file may state anything. @param {object} record */
+const hasFiniteValues = (record) => Object.values(record).flat().every((value) => Number.isFinite(value) || typeof value === "boolean" || ["opaque", "mask", "blend"].includes(value));
 
 /** @param {import("../news/mesh-packet.js").MeshMaterial} material */
 const isTextured = (material) => Math.max(material.texture, material.metallic_roughness_texture, material.emission_texture) >= 0;

@@ -9,7 +9,7 @@ export const NO_TEXTURE = -1;
 /** @type {import("../news/mesh-packet.js").Sampler} */
 export const REPEAT = { wrap_s: "repeat", wrap_t: "repeat", nearest: false };
 
-/** What a lamp has that shines in all directions. @type {{axis: import("./shapes.js").Vec3, cosines: [number, number]}} */
+/** Axis and cone of a lamp that shines in all directions. @type {{axis: import("./shapes.js").Vec3, cosines: [number, number]}} */
 export const OMNI = { axis: [0, 0, 0], cosines: [-2, -1] };
 
 /** A diffuse surface. @type {MeshMaterial} */

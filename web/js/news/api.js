@@ -245,7 +245,7 @@ export const getInfo = () => call("GET", "/info");
 /** @returns {Promise<Example[]>} */
 export const getExamples = () => call("GET", "/examples");
 
-/** A section of a guide, whose title the guide's first one has. @typedef {{guide: string, heading: string, url: string}} GuideSection */
+/** A section of a guide. guide: the guide's title. @typedef {{guide: string, heading: string, url: string}} GuideSection */
 
 /** @returns {Promise<GuideSection[]>} */
 export async function getGuides() {
@@ -433,9 +433,9 @@ export async function fetchViewTable(name) {
   return await response.arrayBuffer();
 }
 
-/** Fetches a scene's preview mesh. @param {string} scene @returns {Promise<import("./mesh-packet.js").MeshPacket>} */
-export async function fetchMesh(scene) {
-  const response = await fetchWithRetries(`api/scenes/${scene}/preview`, {});
+/** Fetches a scene's preview mesh. @param {string} scene @param {AbortSignal} signal @returns {Promise<import("./mesh-packet.js").MeshPacket>} */
+export async function fetchMesh(scene, signal) {
+  const response = await fetchWithRetries(`api/scenes/${scene}/preview`, { signal });
   if (!response.ok) throw errorOf(response.status, await response.text());
   return readMesh(/** @type {ReadableStream<Uint8Array>} */ (response.body));
 }

@@ -9,6 +9,8 @@ import { Store } from "../base/store.js";
  * @property {Store<number>} fraction that has been sent, 0 to 1
  */
 
+/** begin: lists the upload again after an interruption. @typedef {Arriving & {begin: () => void, end: () => void}} Arrival */
+
 /** Latest first. @type {Store<readonly Arriving[]>} */
 export const arriving = new Store(/** @type {readonly Arriving[]} */ ([]));
 
@@ -18,10 +20,12 @@ let count = 0;
  * Adds an upload, from its drop until the scene's page opens.
  *
  * @param {string} name
- * @returns {Arriving & {end: () => void}}
+ * @returns {Arrival}
  */
 export function arrive(name) {
   const upload = { id: `arriving-${(count += 1)}`, name, fraction: new Store(0) };
-  arriving.update((others) => [upload, ...others]);
-  return { ...upload, end: () => arriving.update((all) => all.filter(({ id }) => id !== upload.id)) };
+  const end = () => arriving.update((all) => all.filter(({ id }) => id !== upload.id));
+  const begin = () => arriving.update((all) => (all.includes(upload) ? all : [upload, ...all]));
+  begin();
+  return { ...upload, begin, end };
 }

@@ -109,7 +109,7 @@ export function decodeMesh(buffer, image) {
 }
 
 /**
- * Reads a packet as it comes: resolves once the triangles are here, and the textures follow.
+ * Reads a packet while it arrives. Resolves with the triangles; the promises of the textures resolve later.
  *
  * @param {ReadableStream<Uint8Array>} body
  * @returns {Promise<MeshPacket>}

@@ -24,7 +24,7 @@ const ROLES = ["view", "submit", "admin"];
 /** @param {"view" | "submit" | "admin"} role */
 export const may = (role) => ROLES.indexOf(session.value.role ?? "") >= ROLES.indexOf(role);
 
-/** Who asked for a job; empty if only its owner may be on this farm. @param {{user?: string | null}} job */
+/** Returns the name of the user who requested a job; "" without login, where all jobs are the owner's. @param {{user?: string | null}} job */
 export const askedBy = ({ user }) => (user === "owner" && !session.value.login ? "" : (user ?? ""));
 
 /** Loads the session. @returns {Promise<boolean>} whether a login is required */

@@ -12,6 +12,8 @@ import { viewToText } from "./view-url.js";
 /** @typedef {import("../base/types.js").Job} Job */
 
 const CHECK_MS = 1000;
+/** Number of requests for the reason of a picture, where they fail. */
+const MOST_TRIES = 5;
 /** Samples per pixel from which a black picture is explained: with fewer, light of few paths may not have been found. */
 const LEAST_SPP = 4;
 
@@ -28,6 +30,7 @@ export function blackNotice(stage, job, live, life) {
   stage.append(element);
   /** Frame and samples of the film that was looked at. */
   let seen = "";
+  let failures = 0;
   const look = async () => {
     const { film, frame, finished } = live;
     const key = `${frame} ${film.total}`;
@@ -38,7 +41,10 @@ export function blackNotice(stage, job, live, life) {
     const objects = new Image();
     objects.src = imageUrl({ job: id, frame }, "png", { aov: "object", v: samples }); // black where no surface is hit
     const isEmpty = await objects.decode().then(() => isBlack(objects), () => null);
-    if (isEmpty === null || key !== `${live.frame} ${film.total}`) return void (seen = "");
+    const isPast = key !== `${live.frame} ${live.film.total}`;
+    if (isEmpty === null) failures++;
+    if (isPast || (isEmpty === null && failures < MOST_TRIES)) seen = "";
+    if (isPast || isEmpty === null) return;
     setText(words, isEmpty ? t("The camera sees nothing") : t("No light reaches what the camera sees"));
     const view = scenes.value?.find((each) => each.id === scene)?.cameras.at(-1)?.view;
     const again = `${linkTo("scenes", scene)}?like=${id}`;

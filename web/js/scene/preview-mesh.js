@@ -6,17 +6,21 @@ import { isLocal, localMeshOf } from "../news/local-mesh.js";
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
 
-/** @type {{scene: string, mesh: Promise<MeshPacket>} | null} */
+/** abandon: ends its download. @type {{scene: string, mesh: Promise<MeshPacket>, abandon: AbortController} | null} */
 let latest = null;
 
 /** How long the service's mesh waits for what this page reads, in milliseconds. */
 const WAITED_MS = 3000;
 
-/** Returns a scene's mesh: what this page read, if it shows all that the service's does, or else that one, which is fetched once. @param {string} scene its id @returns {Promise<MeshPacket>} */
+/** Returns a scene's mesh: the one that this page read if it is complete, otherwise the service's, which is fetched once. @param {string} scene its id @returns {Promise<MeshPacket>} */
 export function meshOf(scene) {
   if (latest?.scene !== scene) {
-    latest = { scene, mesh: Promise.race([localMeshOf(scene), late()]).then((local) => (local?.isWhole ? local.packet : fetchMesh(scene))) };
-    latest.mesh.catch(() => (latest = null));
+    latest?.abandon.abort(); // it may have tens of megabytes to go
+    const abandon = new AbortController();
+    const mesh = Promise.race([localMeshOf(scene), late()]).then((local) => (local?.isWhole ? local.packet : fetchMesh(scene, abandon.signal)));
+    const asked = { scene, mesh, abandon };
+    asked.mesh.catch(() => latest === asked && (latest = null)); // it may fail while another scene is open
+    latest = asked;
   }
   return latest.mesh;
 }

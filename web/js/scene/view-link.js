@@ -87,7 +87,10 @@ export class ViewLink extends LastingSocket {
     const { socket } = this;
     const isDraft = new Uint8Array(packet)[1] === DRAFT_KIND;
     this.shown = Promise.allSettled([isDraft ? decodeDraft(packet) : decodeView(packet), this.shown]).then(([picture]) => {
-      if (this.socket !== socket) return;
+      if (this.socket !== socket) {
+        if (picture.status === "fulfilled" && "draft" in picture.value) picture.value.draft.close(); // no layer takes it
+        return;
+      }
       if (picture.status === "rejected") {
         this.handlers.failed(String(picture.reason.message ?? picture.reason));
         return;

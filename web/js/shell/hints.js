@@ -35,9 +35,13 @@ export function command(text, label = t("Copy the command")) {
 
 /** Copies an element's text. @param {HTMLElement} element */
 async function copy(element) {
-  if (navigator.clipboard) return navigator.clipboard.writeText(element.textContent ?? "");
-  getSelection()?.selectAllChildren(element); // plain HTTP, where browsers have no clipboard API; also for copying by hand
-  document.execCommand("copy");
+  try {
+    await navigator.clipboard.writeText(element.textContent ?? "");
+  } catch {
+    // Plain HTTP, where browsers have no clipboard API, or it is forbidden. What is selected can also be copied by hand.
+    getSelection()?.selectAllChildren(element);
+    document.execCommand("copy");
+  }
 }
 
 /** A notice shown wherever work waits for a worker. */

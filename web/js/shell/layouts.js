@@ -49,6 +49,11 @@ function write(key, value) {
   }
 }
 
+/** @param {any} value from storage @returns {Record<string, any>} */
+function recordFrom(value) {
+  return value !== null && typeof value === "object" && !Array.isArray(value) ? value : {};
+}
+
 /** @param {any} value @returns {Frame} */
 const frameFrom = (value) => ({
   width: Number.isFinite(value?.width) ? Math.min(Math.max(value.width, LEAST), MOST) : null,
@@ -59,7 +64,7 @@ const frameFrom = (value) => ({
 /** @type {Store<Frame>} */
 const frame = new Store(frameFrom(read(FRAME_KEY)));
 /** The saved layouts by name. @type {Record<string, Layout>} */
-let saved = Object(read(LAYOUTS_KEY) ?? {});
+let saved = recordFrom(read(LAYOUTS_KEY));
 
 /** Shows the frame on the page, and keeps it. */
 export function followFrame() {
@@ -96,7 +101,7 @@ export function addPart(name, part) {
 
 const FOLDS = "details[data-fold]";
 
-/** Makes a section's being open part of layouts. @template {HTMLDetailsElement} T @param {string} name @param {T} details @returns {T} */
+/** Includes in layouts whether a section is open. @template {HTMLDetailsElement} T @param {string} name @param {T} details @returns {T} */
 export function withFold(name, details) {
   details.dataset.fold = name;
   /** @type {Record<string, boolean> | undefined} */
@@ -114,8 +119,9 @@ export function layoutNow() {
   return { frame: frame.value, folds: Object.fromEntries(folds().map(({ dataset, open }) => [dataset.fold, open])), ...Object.fromEntries(ofParts) };
 }
 
-/** Shows a layout on the open page, and on pages that are opened later what this page does not have. @param {Layout} layout */
-export function applyLayout({ frame: framed, folds: open = {}, ...values }) {
+/** Applies a layout to the open page, and the parts that this page lacks to pages that are opened later. @param {Layout} layout */
+export function applyLayout({ frame: framed, folds: stored, ...values }) {
+  const open = recordFrom(stored);
   frame.set(frameFrom(framed));
   for (const element of folds()) element.open = Boolean(open[element.dataset.fold ?? ""]);
   awaited.set("folds", open);

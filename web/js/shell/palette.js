@@ -68,7 +68,7 @@ function actions() {
 /** Examples that are no scenes yet, and sections of the guides, once they are loaded. @type {Record<string, Command[]>} */
 const further = {};
 
-/** Loads the examples and the guides, which the page does not need before something is sought. @param {() => void} came called after each */
+/** Loads the examples and the guides, which only searches need. @param {() => void} came called after each */
 function loadFurther(came) {
   const load = async (/** @type {string} */ group, /** @type {Promise<Command[]>} */ found) => {
     further[group] = await found.catch(() => further[group] ?? []); // the palette finds the rest without them

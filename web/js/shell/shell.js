@@ -38,6 +38,16 @@ export function buildShell(nav) {
       element: h("a", { href: path ? linkTo(path) : linkTo() }, label, tally),
     }),
   );
+  // Part of the bar where it has room, else what the button "More" opens.
+  const more = h(
+    "div",
+    { class: "topbar-more", id: "topbar-more", popover: "auto" },
+    h("button", { class: "icon-button help-button", type: "button", "aria-label": t("Help"), title: t("Help (?)"), onclick: showHelp }, "?"),
+    accountLink(),
+    notifyButton(),
+    languageMenu(),
+    themeButton(),
+  );
   fill(
     bar,
     h("button", { class: "button skip", type: "button", onclick: () => main.focus() }, t("Skip to the content")),
@@ -59,16 +69,7 @@ export function buildShell(nav) {
     ),
     projectMenu(),
     h("button", { class: "icon-button more-button", type: "button", "aria-label": t("More"), title: t("More"), popovertarget: "topbar-more" }, icon("more")),
-    // Part of the bar where it has room, else what that button opens.
-    h(
-      "div",
-      { class: "topbar-more", id: "topbar-more", popover: "auto" },
-      h("button", { class: "icon-button help-button", type: "button", "aria-label": t("Help"), title: t("Help (?)"), onclick: showHelp }, "?"),
-      accountLink(),
-      notifyButton(),
-      languageMenu(),
-      themeButton(),
-    ),
+    more,
   );
 
   /** @param {string} section @param {number} n @param {string} label @param {boolean} [alarm] */
@@ -90,6 +91,7 @@ export function buildShell(nav) {
   buildLostBanner();
   buildBusyBanner();
   return (section) => {
+    more.togglePopover(false); // a link in it does not close it
     for (const { path, element } of links) {
       if (path === section) element.setAttribute("aria-current", "page");
       else element.removeAttribute("aria-current");

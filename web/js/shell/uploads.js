@@ -23,7 +23,7 @@ import { t } from "../base/words.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
 /** @typedef {import("../base/types.js").Scene} Scene */
-/** @typedef {import("../news/arriving.js").Arriving} Arriving */
+/** @typedef {import("../news/arriving.js").Arrival} Arrival */
 
 /** Delay without an answer after which a waiting notice is shown. */
 const ANSWER_MS = 300;
@@ -65,7 +65,7 @@ export async function start(files) {
  * Uploads each scene among the files, and opens its page if it is the only one.
  *
  * @param {NamedFile[]} files
- * @param {Arriving} arrival
+ * @param {Arrival} arrival
  */
 async function sendScenes(files, arrival) {
   const { formats, foreign, foreign_codes: codes } = await withProgressCard(titleOf(files), getInfo());
@@ -174,11 +174,12 @@ export async function showOther(base, main) {
 /**
  * @param {NamedFile[]} files
  * @param {Record<string, string>} [fields] of the form, beside the files
- * @param {Arriving} [arrival] that shows its progress
+ * @param {Arrival} [arrival] that shows its progress
  * @returns {Promise<Scene | null>} null where it was called off, or refused, which is said then
  */
 async function send(files, fields = {}, arrival) {
   for (;;) {
+    arrival?.begin();
     const outcome = await sendOnce(files, fields, arrival);
     if (outcome !== AGAIN) return outcome;
   }
@@ -187,7 +188,7 @@ async function send(files, fields = {}, arrival) {
 /** Result of an interrupted attempt that is to be repeated. */
 const AGAIN = Symbol("again");
 
-/** @param {NamedFile[]} files @param {Record<string, string>} fields @param {Arriving} [arrival] @returns {Promise<Scene | null | typeof AGAIN>} */
+/** @param {NamedFile[]} files @param {Record<string, string>} fields @param {Arrival} [arrival] @returns {Promise<Scene | null | typeof AGAIN>} */
 async function sendOnce(files, fields, arrival) {
   const title = titleOf(files);
   const total = files.reduce((sum, { file }) => sum + file.size, 0);
@@ -243,6 +244,7 @@ async function sendOnce(files, fields, arrival) {
   } catch (error) {
     if (abort.signal.aborted) return null;
     abort.abort(); // its preview too
+    arrival?.end(); // until it is tried again, if it is
     const heading = notUploadedTitle(files);
     // Error responses of the service name the remedy.
     if (error instanceof ApiError && error.status === 0)

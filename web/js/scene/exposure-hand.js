@@ -1,0 +1,106 @@
+/** The look of a live view: its exposure, which the page chooses for dark pictures and new lights until the user does, and its tone curve. */
+
+import { h, setText } from "../base/dom.js";
+import { stops } from "../base/format.js";
+import { icon } from "../base/icons.js";
+import { Store } from "../base/store.js";
+import { t } from "../base/words.js";
+import { curveOptions } from "../film/curves.js";
+import { autoExposure, darkness } from "../film/darkness.js";
+import { DEFAULT_CURVE } from "../film/tonemap.js";
+
+/** @typedef {import("../film/darkness.js").Brightness} Brightness */
+
+/** Stops at the ends of the exposure's slider, unless it is set beyond, and at most. */
+const [USUAL_STOPS, MOST_STOPS] = [6, 16];
+
+/** @param {() => import("../film/film.js").Film} film the one that is shown */
+export function exposureHand(film) {
+  const slider = h("input", { class: "centred", type: "range", step: 0.25, "aria-label": t("Exposure in stops") });
+  const curve = h("select", { "aria-label": t("Tone curve") }, curveOptions(DEFAULT_CURVE));
+  const shown = h("span", { class: "small number quiet" });
+  const auto = h(
+    "button",
+    { class: "button small", type: "button", title: t("Auto exposure (N)"), "aria-label": t("Auto exposure"), onclick: () => exposeAuto() },
+    icon("exposure"),
+    h("span", { class: "view-word" }, t("Auto")),
+  );
+  showExposure(slider, 0);
+  const look = new Store({ exposure: 0, curve: DEFAULT_CURVE });
+  const relook = () => look.set({ exposure: slider.valueAsNumber, curve: curve.value });
+  /** What chooses the exposure next: the first picture if it looks black, the next pictures of a new light, nothing more, or the user. @type {"first" | "light" | "done" | "user"} */
+  let chosenBy = "first";
+  /** The light that the exposure is for, without its strength: that is the user's own way to make it brighter. */
+  let light = "";
+  /** @param {number} exposure in stops */
+  const set = (exposure) => {
+    showExposure(slider, exposure);
+    relook();
+  };
+  /** @param {number} exposure in stops, chosen by the user */
+  const expose = (exposure) => {
+    chosenBy = "user";
+    set(exposure);
+  };
+  const exposeAuto = () => expose(autoExposure(film().brightness()));
+
+  look.subscribe(({ exposure }) => {
+    setText(shown, `${stops(exposure)} EV`);
+    slider.setAttribute("aria-valuetext", `${stops(exposure)} EV`);
+  });
+  slider.addEventListener("input", () => expose(slider.valueAsNumber));
+  slider.addEventListener("change", () => showExposure(slider, slider.valueAsNumber)); // at its end, the range grows
+  slider.addEventListener("dblclick", () => expose(0));
+  curve.addEventListener("change", relook);
+  return {
+    element: h("div", { class: "view-exposure" }, auto, slider, shown),
+    curve,
+    look,
+    expose,
+    exposeAuto,
+
+    /** Sets a stored look. @param {number} exposure in stops @param {string} name of the curve; the default one replaces one that is not offered */
+    restore(exposure, name) {
+      curve.value = [...curve.options].some(({ value }) => value === name) ? name : DEFAULT_CURVE;
+      expose(exposure);
+    },
+
+    /** Whether the next picture of a new light sets the exposure. */
+    get awaitsLight() {
+      return chosenBy === "light";
+    },
+
+    /**
+     * Chooses the exposure for a picture, unless the user has.
+     *
+     * @param {Brightness} brightness
+     * @param {boolean} isLatest whether it is of the latest request
+     * @param {boolean} hasSamples whether it has a sample in every pixel, and so is the last one that is looked at
+     */
+    adapt(brightness, isLatest, hasSamples) {
+      const isBlack = darkness(brightness) !== null;
+      const isLightShown = chosenBy === "light" && isLatest;
+      if (isLightShown || (chosenBy === "first" && isBlack)) set(autoExposure(brightness));
+      if (chosenBy !== "user" && (isLightShown ? hasSamples : isBlack)) chosenBy = "done";
+    },
+
+    /** Takes note of a request's environment. @param {Record<string, any> | undefined} environment @returns {boolean} whether its light is another */
+    noticeLight(environment) {
+      const { strength: _, rotation: __, ...own } = environment ?? {};
+      const text = JSON.stringify(own);
+      const isOther = light !== "" && text !== light;
+      if (isOther && chosenBy !== "user") chosenBy = "light";
+      light = text;
+      return isOther;
+    },
+  };
+}
+
+/** Sets the exposure's slider, whose range grows with the value. @param {HTMLInputElement} slider @param {number} value in stops */
+function showExposure(slider, value) {
+  const end = Math.abs(value) < USUAL_STOPS ? USUAL_STOPS : Math.min(2 * Math.ceil(Math.abs(value)), MOST_STOPS);
+  slider.min = String(-end);
+  slider.max = String(end);
+  slider.value = String(value);
+  slider.title = t("Exposure from {low} to {high} EV; double-click for 0", { low: stops(-end), high: stops(end) });
+}
