@@ -6,6 +6,7 @@ It is computed as soon as a file has been read, before the scene is compiled.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,14 +35,14 @@ F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
 U8 = npt.NDArray[np.uint8]
 
-MOST_TRIANGLES = 1_000_000
+MOST_TRIANGLES = 300_000
 FEWEST = 24  # triangles of a decimated mesh
 MOST_INSTANCES = 50_000  # further instances are not shown
 MOST_SPHERES = 2_000
 MOST_EMITTERS = 1_000  # further ones light nothing
 MOST_MATERIALS = 1_000  # further ones show their colour only
-RINGS, FEW_RINGS = 24, 12  # of a sphere, and of one among many
-FEW_SPHERES = 200
+RINGS, FEWEST_RINGS = 24, 6  # of a sphere, and of a small one among many
+SPHERE_SHARE = 0.3  # of all triangles, beyond which small spheres have fewer
 HUGE, REACH = 50.0, 12.0  # radius of a wall, and how far it is drawn, by the distance from the camera to it
 
 
@@ -99,7 +100,7 @@ def preview(description: SceneDescription, max_triangles: int = MOST_TRIANGLES) 
         parts.append(
             _Part(positions, normals, colors[instance.mesh, number], uvs, shape.triangles.astype(np.uint32), surface.material)
         )
-    parts += _spheres(description, surfaces)
+    parts += _spheres(description, surfaces, int(SPHERE_SHARE * max_triangles))
     joined = _joined(parts)
     if joined is None:
         return None
@@ -205,7 +206,11 @@ def _clustered(positions: F64, normals: F32, triangles: npt.NDArray[Any], cells:
     corners = number.reshape(-1)[triangles]
     a, b, c = corners.T
     corners = corners[(a != b) & (b != c) & (c != a)]
-    _, kept = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
+    ordered = np.sort(corners, axis=1)
+    if len(first) < 1 << 21:  # three numbers fit into 63 bits, which are sorted faster
+        _, kept = np.unique((ordered[:, 0] << 42) | (ordered[:, 1] << 21) | ordered[:, 2], return_index=True)
+    else:
+        _, kept = np.unique(ordered, axis=0, return_index=True)
     return _Shape(positions[first], normals[first], corners[kept], first)
 
 
@@ -232,8 +237,46 @@ def _uvs(mesh: Mesh, shape: _Shape, surface: PreviewSurface) -> F32 | None:
     return np.column_stack([a * u + b * v + c, d * u + e * v + f]).astype(np.float32)
 
 
-def _spheres(description: SceneDescription, surfaces: _Surfaces) -> list[_Part]:
-    rings = RINGS if len(description.spheres) <= FEW_SPHERES else FEW_RINGS
+def _spheres(description: SceneDescription, surfaces: _Surfaces, max_triangles: int) -> list[_Part]:
+    unit = _ball(RINGS)
+    ball = Mesh("sphere", unit.positions.astype(np.float32), unit.triangles.astype(np.int32))
+    shown = []
+    for sphere in description.spheres[:MOST_SPHERES]:
+        material = _material_of_sphere(description, sphere)
+        if material.kind != "interface" and not material.unseen:
+            shown.append((sphere, material, _near_cap(description, sphere)))
+    rings = _rings(np.array([sphere.radius for sphere, _, cap in shown if cap is None]), max_triangles)
+    shapes = {count: _ball(count) for count in set(rings)}
+    each_rings = iter(rings)
+    found = []
+    for sphere, material, cap in shown:
+        surface = surfaces.of(sphere.material, material, ball, sphere.radius * np.eye(4))
+        shape = shapes[next(each_rings)] if cap is None else cap
+        positions = np.asarray(sphere.center) + sphere.radius * shape.positions
+        color = _colors(ball, shape, surface)
+        found.append(_Part(positions, shape.normals, color, None, shape.triangles.astype(np.uint32), surface.material))
+    return found
+
+
+def _rings(radii: F64, max_triangles: int) -> list[int]:
+    """Returns into how many rings spheres are divided: fewer for smaller ones if they have more than `max_triangles` together.
+
+    A polygon of n sides deviates from a circle by its radius over n squared: the number of rings follows the root of the radius.
+    """
+    rings = np.full(len(radii), RINGS)
+    if not len(radii):
+        return []
+    roots = np.sqrt(np.maximum(radii, 1e-6 * radii.max()) / radii.max())
+    scale = RINGS / float(roots.min())
+    while 4 * int((rings**2).sum()) > max_triangles and rings.max() > FEWEST_RINGS:
+        scale *= 0.9
+        rings = np.clip(np.rint(scale * roots).astype(np.int64), FEWEST_RINGS, RINGS)
+    return [int(count) for count in rings]
+
+
+@cache
+def _ball(rings: int) -> _Shape:
+    """Returns a unit sphere of twice as many triangles around as rings."""
     polar = np.linspace(0.0, np.pi, rings + 1)
     around = np.linspace(0.0, 2.0 * np.pi, 2 * rings, endpoint=False)
     theta, phi = (each.reshape(-1) for each in np.meshgrid(polar, around, indexing="ij"))
@@ -242,18 +285,7 @@ def _spheres(description: SceneDescription, surfaces: _Surfaces) -> list[_Part]:
     a = ring * 2 * rings + step
     b = ring * 2 * rings + (step + 1) % (2 * rings)
     triangles = np.concatenate([np.column_stack([a, a + 2 * rings, b]), np.column_stack([b, a + 2 * rings, b + 2 * rings])])
-    shape = _Shape(unit, unit.astype(np.float32), triangles, np.zeros(len(unit), np.int64))
-    ball = Mesh("sphere", unit.astype(np.float32), triangles.astype(np.int32))
-    found = []
-    for sphere in description.spheres[:MOST_SPHERES]:
-        material = _material_of_sphere(description, sphere)
-        if material.kind != "interface" and not material.unseen:
-            surface = surfaces.of(sphere.material, material, ball, sphere.radius * np.eye(4))
-            own = _near_cap(description, sphere) or shape
-            positions = np.asarray(sphere.center) + sphere.radius * own.positions
-            color = _colors(ball, own, surface)
-            found.append(_Part(positions, own.normals, color, None, own.triangles.astype(np.uint32), surface.material))
-    return found
+    return _Shape(unit, unit.astype(np.float32), triangles, np.zeros(len(unit), np.int64))
 
 
 def _near_cap(description: SceneDescription, sphere: Sphere) -> _Shape | None:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from fastapi import Query, Request, Response
 from fastapi.responses import StreamingResponse
 
+from protocol.mesh import MESH
 from renderer.sentences import Sentence
 from service.errors import NotFound
 from service.farm import Farm
@@ -143,9 +144,18 @@ def preview(id: str, request: Request, farm: FarmDependency) -> Response:
     progress = farm.engine.snapshot.preparing.get(id)  # first: it ends once the scene's own row has the preview
     scene = find_scene(id, farm)
     ref = (scene.info or {}).get("preview") or (asdict(progress.preview.preview) if progress and progress.preview else None)
-    if not ref:
+    if not ref or not _is_current(ref, farm):
         raise NotFound(Sentence("scene-without-preview", "This scene has no preview yet."))
     return _blob(ref, "application/octet-stream", request, farm)
+
+
+def _is_current(ref: dict[str, Any], farm: Farm) -> bool:
+    """Returns False for a mesh in the layout of another version, which the page does not read."""
+    try:
+        MESH.unpack(next(iter(farm.blobs.serve(ref["sha256"]).chunks), b""))
+    except ValueError:
+        return False
+    return True
 
 
 def _blob(ref: dict[str, Any], media_type: str, request: Request, farm: Farm) -> Response:

@@ -243,6 +243,18 @@ def test_spheres_are_round() -> None:
     np.testing.assert_allclose(np.linalg.norm(found.positions - [1, 2, 3], axis=1), 0.5)
 
 
+def test_many_spheres_are_bounded_and_large_ones_remain_round() -> None:
+    small = [Sphere((float(i), 0.0, 0.0), 0.01) for i in range(500)]
+    materials = [Material(), Material(base_color=(0.5, 0.0, 0.0))]
+    found = preview(SceneDescription(spheres=[Sphere((0.0, 5.0, 0.0), 1.0, 1), *small], materials=materials), 300_000)
+    assert found is not None
+    assert len(found.triangles) < 0.35 * 300_000
+    large = np.abs(found.positions[:, 1]) > 1.0
+    corners = found.positions[found.triangles[large[found.triangles].all(axis=1)]]
+    middles = corners.mean(axis=1) - (0.0, 5.0, 0.0)
+    assert np.linalg.norm(middles, axis=1).min() > 0.99
+
+
 def test_preview_mesh_packet_round_trip() -> None:
     """A mesh is restored from its packet: positions to 1/65535 of the bounds, also far from the origin; normals to 1/127."""
     random = np.random.default_rng(3)

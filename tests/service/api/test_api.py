@@ -16,8 +16,10 @@ import redis
 from PIL import Image
 
 from protocol.contract import WorkerReport, worker_key
+from protocol.mesh import encode_mesh
 from renderer.aovs import AOVS
 from renderer.image import rgbe9995
+from renderer.preview_mesh import PreviewMesh
 from renderer.sentences import Sentence, to_text
 from renderer.settings import OPTIONAL, Tile, View
 from service.models.jobs import JobIn, ViewModel
@@ -89,6 +91,23 @@ def test_scene_thumbnail_has_etag(service: Service, scene: str) -> None:
     again = service.http.get(url, headers={"If-None-Match": first.headers["etag"]})
     assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", first.headers["etag"])
     assert service.http.get(url, headers={"If-None-Match": '"another"'}).content == b"a picture"
+
+
+def test_preview_of_an_earlier_layout_is_not_found(service: Service, scene: str) -> None:
+    """The page draws only the current layout: a mesh that an earlier release stored counts as missing."""
+    packet = encode_mesh(
+        PreviewMesh(np.eye(3), np.zeros((3, 3), np.float32), np.zeros((3, 4), np.uint8), np.array([[0, 1, 2]], np.uint32))
+    )
+    url = f"/api/scenes/{scene}/preview"
+    for content, status in [(packet, 200), (bytes([1]) + packet[1:], 404), (b"", 404)]:
+        writer = service.farm.blobs.writer()
+        writer.write(content)
+        sha256 = writer.commit()
+        with service.farm.sessions.begin() as session:
+            row = session.get_one(SceneRow, scene)
+            row.info = {**(row.info or {}), "preview": {"sha256": sha256, "size": writer.size}}
+        assert service.http.get(url).status_code == status
+        assert service.http.get(url, headers={"If-None-Match": f'"{sha256}"'}).status_code == (304 if status == 200 else 404)
 
 
 def test_long_url_is_not_echoed(service: Service) -> None:

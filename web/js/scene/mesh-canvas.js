@@ -6,9 +6,10 @@ import { KeptPicture, fromMiddle } from "./kept-picture.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
 import { studio, unpacked } from "./mesh-environment.js";
 import { lampsOf } from "./mesh-lamps.js";
-import { programOf, uniformsOf } from "./mesh-program.js";
-import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FRAGMENT, PASS, VERTEX } from "./mesh-shader.js";
+import { Programs } from "./mesh-program.js";
+import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
 import { drawShadow, shadowProgram } from "./mesh-shadow.js";
+import { SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
 import { aroundTexture, fillTexture, tablesOf, whiteTexture } from "./mesh-textures.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
@@ -26,7 +27,7 @@ const SHADED = 0.55;
 const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8 };
 const ALPHA_MODES = { opaque: 0, mask: 1, blend: 2 };
 /** Corners from which a part is shaded at its vertices. */
-const DENSE = 600_000;
+const DENSE = 300_000;
 /** Corners of a part that its middle is computed from. */
 const SAMPLED = 64;
 /** Roughness of glass from which what is behind it is blurred. */
@@ -40,8 +41,6 @@ export class MeshCanvas {
     this.floor = false;
     /** @type {WebGLProgram | null} */
     this.shadow = null;
-    /** @type {WebGLProgram | null} */
-    this.backdrop = null;
     /** Upward in the scene. @type {Vec3} */
     this.above = [0, 1, 0];
     /** @type {MeshPacket | null} */
@@ -56,13 +55,9 @@ export class MeshCanvas {
     this.projector = null;
     this.pending = 0;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
-    /** @type {WebGLProgram | null} */
-    this.program = null;
-    /** Shades at the vertices; only for meshes with dense parts. @type {WebGLProgram | null} */
-    this.dense = null;
-    /** Finds the uniforms of a program. @type {Map<WebGLProgram, (name: string) => WebGLUniformLocation | null>} */
-    this.uniforms = new Map();
-    /** Finds those of the program in use. @type {(name: string) => WebGLUniformLocation | null} */
+    /** @type {Programs | null} */
+    this.programs = this.gl && new Programs(this.gl);
+    /** Finds the uniforms of the program in use. @type {(name: string) => WebGLUniformLocation | null} */
     this.at = () => null;
     /** By number; the last is white. @type {WebGLTexture[]} */
     this.textures = [];
@@ -78,18 +73,23 @@ export class MeshCanvas {
     this.resizing.observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
-      this.projector = this.light = this.behind = this.program = this.dense = this.shadow = this.backdrop = null; // they were lost too
+      this.projector = this.light = this.behind = this.shadow = null; // they were lost too
+      this.programs = this.gl && new Programs(this.gl);
       if (this.mesh) this.setMesh(this.mesh);
     });
   }
 
-  /** Compiles the programs, before the first mesh if there is time. */
+  /** Compiles what most uploads need, before the first mesh, by drawing: many drivers compile no sooner. */
   compile() {
-    const { gl } = this;
-    if (!gl || this.program || gl.isContextLost()) return;
-    this.program = programOf(gl, VERTEX, FRAGMENT);
-    this.shadow = shadowProgram(gl);
-    this.backdrop = programOf(gl, BACKDROP_VERTEX, BACKDROP_FRAGMENT);
+    const { gl, canvas, floor } = this;
+    if (!gl || this.mesh || gl.isContextLost()) return;
+    this.floor = true;
+    this.setMesh(SAMPLE);
+    this.drawMesh(clipMatrix(SAMPLE_VIEW, 1, SAMPLE.low, SAMPLE.high), SAMPLE, SAMPLE_VIEW, null, { width: canvas.width, height: canvas.height });
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.flush();
+    this.floor = floor;
+    this.mesh = null;
   }
 
   /** @param {MeshPacket} mesh */
@@ -97,13 +97,8 @@ export class MeshCanvas {
     const { gl } = this;
     this.mesh = mesh;
     this.release();
-    this.compile();
-    const { program } = this;
-    if (!gl || gl.isContextLost() || !program) return; // the picture comes without a preview
+    if (!gl || gl.isContextLost()) return; // the picture comes without a preview
     this.places = mesh.parts.map((part) => placeOf(mesh, part));
-    if (this.places.some(({ isDense }) => isDense)) this.dense ??= programOf(gl, DENSE_VERTEX, DENSE_FRAGMENT, program);
-    for (const each of [program, this.dense]) if (each && !this.uniforms.has(each)) this.uniforms.set(each, uniformsOf(gl, each));
-    gl.useProgram(program);
     gl.enable(gl.DEPTH_TEST);
     for (const each of this.buffers.splice(0)) gl.deleteBuffer(each); // of an earlier mesh
     for (const each of this.textures) gl.deleteTexture(each);
@@ -116,18 +111,17 @@ export class MeshCanvas {
       gl.bindBuffer(target, buffer);
       gl.bufferData(target, data, gl.STATIC_DRAW);
     };
-    /** @param {string} name @param {any} data @param {number} size @param {number} type */
-    const attribute = (name, data, size, type) => {
-      const at = gl.getAttribLocation(program, name);
+    /** @param {number} at its location @param {any} data @param {number} size @param {number} type */
+    const attribute = (at, data, size, type) => {
       fill(gl.ARRAY_BUFFER, data);
       gl.enableVertexAttribArray(at);
       gl.vertexAttribPointer(at, size, type, true, type === gl.UNSIGNED_SHORT || type === gl.FLOAT ? 8 : 4, 0);
     };
-    attribute("share", mesh.positions, 3, gl.UNSIGNED_SHORT);
-    attribute("normal", mesh.normals, 3, gl.BYTE);
-    attribute("color", mesh.colors, 4, gl.UNSIGNED_BYTE);
-    if (mesh.uvs) attribute("uv", mesh.uvs, 2, gl.FLOAT);
-    else gl.disableVertexAttribArray(gl.getAttribLocation(program, "uv"));
+    attribute(PLACES.share, mesh.positions, 3, gl.UNSIGNED_SHORT);
+    attribute(PLACES.normal, mesh.normals, 3, gl.BYTE);
+    attribute(PLACES.color, mesh.colors, 4, gl.UNSIGNED_BYTE);
+    if (mesh.uvs) attribute(PLACES.uv, mesh.uvs, 2, gl.FLOAT);
+    else gl.disableVertexAttribArray(PLACES.uv);
     fill(gl.ELEMENT_ARRAY_BUFFER, mesh.indices);
     gl.activeTexture(gl.TEXTURE0);
     this.textures = [...mesh.textures, null].map(() => whiteTexture(gl));
@@ -175,7 +169,7 @@ export class MeshCanvas {
    * @param {View} view its camera
    */
   keep(picture, view) {
-    if (!this.gl || !this.program || this.gl.isContextLost()) return;
+    if (!this.gl || !this.mesh || this.gl.isContextLost()) return;
     this.kept = this.projector ??= new KeptPicture(this.gl);
     this.kept.set(picture, view);
     this.draw(); // at once: it replaces the picture on the page
@@ -201,8 +195,8 @@ export class MeshCanvas {
   }
 
   draw() {
-    const { gl, canvas, mesh, view, program } = this;
-    if (!gl || !mesh || !view || !program || !canvas.clientWidth) return;
+    const { gl, canvas, mesh, view } = this;
+    if (!gl || gl.isContextLost() || !mesh || !view || !canvas.clientWidth) return;
     const ratio = Math.min(devicePixelRatio, MAX_RATIO);
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
@@ -229,19 +223,30 @@ export class MeshCanvas {
    * @param {{width: number, height: number} | null} onPage size of the canvas; null: the mesh is drawn into a texture, without its surroundings
    */
   drawMesh(toClip, mesh, view, kept, onPage) {
-    const { gl, program } = this;
-    if (!gl || !program) return;
+    const { gl, programs } = this;
+    if (!gl || !programs) return;
     const light = this.prepareLight(mesh);
     const eye = view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
-    /** @param {WebGLProgram} program @param {number} pass */
-    const use = (program, pass) => {
-      const at = (this.at = /** @type {(name: string) => WebGLUniformLocation | null} */ (this.uniforms.get(program)));
+    const isDefaultCurve = this.look.curve === curveIndex(DEFAULT_CURVE);
+    /** @type {import("./mesh-program.js").Feature[]} */
+    const curves = isDefaultCurve ? [] : ["CURVES"];
+    /**
+     * Chooses the program that draws some parts. Returns false if the driver refuses it.
+     *
+     * @param {{material: MeshMaterial}[]} of
+     * @param {number} pass
+     * @param {boolean} [isDense]
+     */
+    const use = (of, pass, isDense = false) => {
+      const features = [...curves, ...featuresOf(of)];
+      if (kept) features.push("KEPT");
+      if (light.lamps.length) features.push("LAMPS");
+      const linked = isDense ? programs.with(DENSE_VERTEX, DENSE_FRAGMENT, features) : programs.with(VERTEX, FRAGMENT, features);
+      if (!linked) return false;
+      const { program, at } = linked;
+      this.at = at;
       gl.useProgram(program);
       gl.uniform1i(at("pass"), pass);
-      gl.uniform1i(at("hasKept"), kept ? 1 : 0);
-      gl.uniform1i(at("kept"), 1); // units of their own, also while they are empty
-      gl.uniform1i(at("keptDepth"), 2);
-      gl.uniform1i(at("keptShade"), 3);
       kept?.bind(program, mesh, view);
       for (const [name, unit] of Object.entries(UNITS)) gl.uniform1i(at(name), unit);
       bind(gl, UNITS.around, light.texture);
@@ -255,6 +260,7 @@ export class MeshCanvas {
       gl.uniform1f(at("shaded"), this.hasFloor ? SHADED : 0);
       gl.uniform3fv(at("irradiance"), light.irradiance);
       this.setLamps(light.lamps, mesh);
+      return true;
     };
     const parts = mesh.parts.map((part, i) => ({ part, .../** @type {{middle: Vec3, size: number, isDense: boolean}} */ (this.places[i]), material: /** @type {MeshMaterial} */ (mesh.materials[part.material]) }));
     const glass = parts.filter(({ material }) => material.transmission > 0);
@@ -263,20 +269,18 @@ export class MeshCanvas {
     const farthestFirst = (/** @type {typeof parts} */ of) => of.toSorted((a, b) => away(b.middle) - away(a.middle));
     bind(gl, UNITS.behind, this.textures.at(-1) ?? null);
     const opaque = parts.filter(({ material }) => material.transmission === 0);
-    const canBeDense = this.dense !== null && this.look.curve === curveIndex(DEFAULT_CURVE);
     for (const dense of [true, false]) {
-      const chosen = opaque.filter(({ isDense, material }) => dense === (isDense && canBeDense && isPlain(material)));
-      if (chosen.length) use((dense && this.dense) || program, PASS.opaque);
-      for (const { part, material } of chosen) this.drawPart(part, material);
+      const chosen = opaque.filter(({ isDense, material }) => dense === (isDense && isDefaultCurve && isPlain(material)));
+      if (chosen.length && use(dense ? chosen : [...chosen, ...blended], PASS.opaque, dense)) for (const { part, material } of chosen) this.drawPart(part, material);
     }
     const hasBehind = onPage !== null && glass.length > 0;
     if (hasBehind) this.copyBehind(onPage, glass.some(({ material }) => material.roughness > BLURRED));
     if (onPage && !kept) {
-      this.drawBackdrop(view, onPage.width / onPage.height, light);
+      this.drawBackdrop(view, onPage.width / onPage.height, light, programs.with(BACKDROP_VERTEX, BACKDROP_FRAGMENT, curves));
+      if (this.hasFloor) this.shadow ??= shadowProgram(gl);
       if (this.hasFloor && this.shadow) drawShadow(gl, this.shadow, toClip, mesh, this.above);
     }
-    if (glass.length) {
-      use(program, PASS.glass);
+    if (glass.length && use(glass, PASS.glass)) {
       gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);
       if (hasBehind) bind(gl, UNITS.behind, this.behind);
       for (const { part, material, size } of farthestFirst(glass)) {
@@ -284,8 +288,7 @@ export class MeshCanvas {
         this.drawPart(part, material);
       }
     }
-    if (blended.length) {
-      use(program, PASS.blend);
+    if (blended.length && use([...opaque, ...blended], PASS.blend)) {
       gl.enable(gl.BLEND);
       gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(false);
@@ -330,12 +333,13 @@ export class MeshCanvas {
     const gl = /** @type {WebGL2RenderingContext} */ (this.gl);
     const { hasFloor } = this;
     if (this.light?.hasFloor === hasFloor) return this.light;
-    const environment = mesh.environment ? unpacked(mesh.environment) : mesh.isStudio ? studio() : null;
-    const { lamps, around } = lampsOf(mesh.lamps, environment === null);
+    const isBlack = !mesh.environment && !mesh.isStudio;
+    const environment = () => (mesh.environment ? unpacked(mesh.environment) : mesh.isStudio ? studio() : null);
+    const { lamps, around } = lampsOf(mesh.lamps, isBlack);
     const tables = tablesOf(mesh, environment, hasFloor ? this.above : null, around);
     if (this.light) gl.deleteTexture(this.light.texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.around);
-    this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, hasFloor, isBlack: environment === null };
+    this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, hasFloor, isBlack };
     return this.light;
   }
 
@@ -363,17 +367,17 @@ export class MeshCanvas {
     if (isBlurred) gl.generateMipmap(gl.TEXTURE_2D);
   }
 
-  /** @param {View} view @param {number} aspect @param {{texture: WebGLTexture, isBlack: boolean}} light */
-  drawBackdrop(view, aspect, { texture, isBlack }) {
-    const { gl, backdrop } = this;
-    if (!gl || !backdrop) return;
+  /** @param {View} view @param {number} aspect @param {{texture: WebGLTexture, isBlack: boolean}} light @param {import("./mesh-program.js").Linked | null} linked */
+  drawBackdrop(view, aspect, { texture, isBlack }, linked) {
+    const { gl } = this;
+    if (!gl || !linked) return;
+    const { program, at } = linked;
     const [right, up, back] = cameraAxes(view);
     const isFlat = view.projection === "orthographic";
     const half = isFlat ? 0 : Math.tan((Math.min(view.fov, 170) * Math.PI) / 360);
     const [shiftX, shiftY] = [2 * half * (view.shift_x ?? 0), 2 * half * (view.shift_y ?? 0)];
-    gl.useProgram(backdrop);
+    gl.useProgram(program);
     bind(gl, UNITS.around, texture);
-    const at = (/** @type {string} */ name) => gl.getUniformLocation(backdrop, name);
     gl.uniform1i(at("around"), UNITS.around);
     gl.uniform1f(at("gain"), isBlack ? 0 : this.look.gain);
     gl.uniform1i(at("curve"), this.look.curve);
@@ -395,6 +399,17 @@ export class MeshCanvas {
 function bind(gl, unit, texture) {
   gl.activeTexture(gl.TEXTURE0 + unit);
   gl.bindTexture(gl.TEXTURE_2D, texture);
+}
+
+/** Returns what the program of some parts must draw. @param {{material: MeshMaterial}[]} parts */
+function featuresOf(parts) {
+  /** @type {import("./mesh-program.js").Feature[]} */
+  const features = [];
+  const has = (/** @type {(material: MeshMaterial) => boolean} */ test) => parts.some(({ material }) => test(material));
+  if (has(({ transmission }) => transmission > 0)) features.push("GLASS");
+  if (has(({ coat }) => coat > 0)) features.push("COAT");
+  if (has((material) => Math.max(material.metallic_roughness_texture, material.emission_texture) >= 0)) features.push("MAPS");
+  return features;
 }
 
 /** Returns whether a material is shaded by its vertices alone. @param {MeshMaterial} material */

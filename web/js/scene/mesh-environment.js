@@ -19,13 +19,29 @@ const LAMPS = /** @type {[Vec3, number, number][]} */ ([
 ]);
 const [GROUND, HORIZON, ZENITH] = [0.2, 0.5, 0.65];
 
-/** @param {Vec3} a @param {Vec3} b */
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+/** Returns how far a direction goes along an axis. @param {Float64Array} ways of directionsOf @param {number} i @param {Vec3} axis */
+const alongOf = (ways, i, axis) => (ways[4 * i] ?? 0) * axis[0] + (ways[4 * i + 1] ?? 0) * axis[1] + (ways[4 * i + 2] ?? 0) * axis[2];
 
-/** Returns the direction of a texel's middle. @param {number} row @param {number} column @param {number} height of a table twice as wide @returns {Vec3} */
-function directionOf(row, column, height) {
-  const [theta, phi] = [((row + 0.5) * Math.PI) / height, ((column + 0.5) * Math.PI) / height - Math.PI];
-  return [Math.sin(theta) * Math.sin(phi), Math.cos(theta), -Math.sin(theta) * Math.cos(phi)];
+/** @type {Map<number, Float64Array>} */
+const known = new Map();
+
+/** Returns the direction of each texel's middle, and the sine of its polar angle. @param {number} height of a table twice as wide */
+function directionsOf(height) {
+  const found = known.get(height) ?? new Float64Array(8 * height * height);
+  if (known.has(height)) return found;
+  known.set(height, found);
+  for (let row = 0, i = 0; row < height; row++) {
+    const theta = ((row + 0.5) * Math.PI) / height;
+    const [sine, cosine] = [Math.sin(theta), Math.cos(theta)];
+    for (let column = 0; column < 2 * height; column++) {
+      const phi = ((column + 0.5) * Math.PI) / height - Math.PI;
+      found[i++] = sine * Math.sin(phi);
+      found[i++] = cosine;
+      found[i++] = -sine * Math.cos(phi);
+      found[i++] = sine;
+    }
+  }
+  return found;
 }
 
 /** Unpacks a packet's environment. @param {import("../news/mesh-packet.js").Environment} packed @returns {Environment} */
@@ -35,13 +51,13 @@ export const unpacked = ({ width, height, words }) => ({ width, height, texels: 
 export function studio() {
   const texels = new Float32Array(6 * HEIGHT * HEIGHT);
   const lamps = LAMPS.map(([at, radiance, exponent]) => ({ at: /** @type {Vec3} */ (at.map((value) => value / Math.hypot(...at))), radiance, exponent }));
-  for (let row = 0; row < HEIGHT; row++)
-    for (let column = 0; column < 2 * HEIGHT; column++) {
-      const way = directionOf(row, column, HEIGHT);
-      const wall = way[1] > 0 ? HORIZON + (ZENITH - HORIZON) * way[1] : GROUND + (HORIZON - GROUND) * Math.exp(4 * way[1]);
-      const value = lamps.reduce((sum, { at, radiance, exponent }) => sum + radiance * Math.max(dot(way, at), 0) ** exponent, wall);
-      texels.fill(value, 3 * (2 * HEIGHT * row + column), 3 * (2 * HEIGHT * row + column) + 3);
-    }
+  const ways = directionsOf(HEIGHT);
+  for (let i = 0; i < 2 * HEIGHT * HEIGHT; i++) {
+    const [x, y, z] = [ways[4 * i] ?? 0, ways[4 * i + 1] ?? 0, ways[4 * i + 2] ?? 0];
+    let value = y > 0 ? HORIZON + (ZENITH - HORIZON) * y : GROUND + (HORIZON - GROUND) * Math.exp(4 * y);
+    for (const { at, radiance, exponent } of lamps) value += radiance * Math.max(x * at[0] + y * at[1] + z * at[2], 0) ** exponent;
+    texels[3 * i] = texels[3 * i + 1] = texels[3 * i + 2] = value;
+  }
   return { width: 2 * HEIGHT, height: HEIGHT, texels };
 }
 
@@ -61,13 +77,12 @@ export function studio() {
  */
 export function lightTables(environment, above, around) {
   const whole = new Float32Array(6 * HEIGHT * HEIGHT);
+  const { width, height, texels } = environment ?? { width: 1, height: 1, texels: new Float32Array(3) };
   for (let row = 0; row < HEIGHT; row++)
-    for (let column = 0; column < 2 * HEIGHT; column++)
-      for (let k = 0; k < 3; k++) {
-        const { width = 1, height = 1, texels = undefined } = environment ?? {};
-        const at = width * Math.floor((row * height) / HEIGHT) + Math.floor((column * width) / (2 * HEIGHT));
-        whole[3 * (2 * HEIGHT * row + column) + k] = (texels?.[3 * at + k] ?? 0) + (around[k] ?? 0);
-      }
+    for (let column = 0; column < 2 * HEIGHT; column++) {
+      const at = width * Math.floor((row * height) / HEIGHT) + Math.floor((column * width) / (2 * HEIGHT));
+      for (let k = 0; k < 3; k++) whole[3 * (2 * HEIGHT * row + column) + k] = (texels[3 * at + k] ?? 0) + (around[k] ?? 0);
+    }
   if (above) layFloor(whole, above);
   let source = halved(whole, HEIGHT);
   const levels = [whole, source]; // a texel of the second is as wide as its lobe
@@ -79,26 +94,28 @@ export function lightTables(environment, above, around) {
   return { levels: levels.map((texels, i) => ({ width: 2 * (HEIGHT >> i), height: HEIGHT >> i, texels: withAlpha(texels) })), irradiance: harmonicsOf(halved(halved(whole, HEIGHT), HEIGHT / 2), HEIGHT / 4) };
 }
 
+/** Irradiance of a horizontal surface in the studio, divided by pi. @type {number | undefined} */
+let usual;
+
 /** Replaces what is below the horizon by the studio's floor, whose albedo makes it as bright as the horizon in the studio. @param {Float32Array} texels @param {Vec3} above */
 function layFloor(texels, above) {
   const irradiance = upwardIrradiance(texels, above);
-  const usual = upwardIrradiance(studio().texels, [0, 1, 0])[0] ?? 1;
-  for (let row = 0; row < HEIGHT; row++)
-    for (let column = 0; column < 2 * HEIGHT; column++)
-      if (dot(directionOf(row, column, HEIGHT), above) < 0)
-        for (let k = 0; k < 3; k++) texels[3 * (2 * HEIGHT * row + column) + k] = ((irradiance[k] ?? 0) * HORIZON) / usual;
+  usual ??= upwardIrradiance(studio().texels, [0, 1, 0])[0] ?? 1;
+  const ways = directionsOf(HEIGHT);
+  for (let i = 0; i < 2 * HEIGHT * HEIGHT; i++)
+    if (alongOf(ways, i, above) < 0) for (let k = 0; k < 3; k++) texels[3 * i + k] = ((irradiance[k] ?? 0) * HORIZON) / usual;
 }
 
 /** Returns the irradiance of a horizontal surface divided by pi. @param {Float32Array} texels @param {Vec3} above */
 function upwardIrradiance(texels, above) {
   const sum = [0, 0, 0];
   let total = 0;
-  for (let row = 0; row < HEIGHT; row++)
-    for (let column = 0; column < 2 * HEIGHT; column++) {
-      const weight = Math.max(dot(directionOf(row, column, HEIGHT), above), 0) * Math.sin(((row + 0.5) * Math.PI) / HEIGHT);
-      total += weight;
-      for (let k = 0; k < 3; k++) sum[k] = (sum[k] ?? 0) + weight * (texels[3 * (2 * HEIGHT * row + column) + k] ?? 0);
-    }
+  const ways = directionsOf(HEIGHT);
+  for (let i = 0; i < 2 * HEIGHT * HEIGHT; i++) {
+    const weight = Math.max(alongOf(ways, i, above), 0) * (ways[4 * i + 3] ?? 0);
+    total += weight;
+    for (let k = 0; k < 3; k++) sum[k] = (sum[k] ?? 0) + weight * (texels[3 * i + k] ?? 0);
+  }
   return sum.map((value) => value / total);
 }
 
@@ -134,15 +151,10 @@ function blurred(source, width, height, roughness) {
   let least = 0;
   while (least < 1 && kernel(least) < NEGLIGIBLE * kernel(1)) least += 0.002;
   const count = 4 * width * height;
-  const ways = new Float32Array(4 * count);
-  for (let i = 0; i < count; i++) {
-    const row = Math.floor(i / (2 * width));
-    ways.set(directionOf(row, i % (2 * width), 2 * height), 4 * i);
-    ways[4 * i + 3] = Math.sin(((row + 0.5) * Math.PI) / (2 * height));
-  }
+  const [ways, mirrors] = [directionsOf(2 * height), directionsOf(height)];
   const found = new Float32Array(3 * width * height);
   for (let i = 0; i < width * height; i++) {
-    const [x, y, z] = directionOf(Math.floor(i / width), i % width, height);
+    const [x, y, z] = [mirrors[4 * i] ?? 0, mirrors[4 * i + 1] ?? 0, mirrors[4 * i + 2] ?? 0];
     let [red, green, blue, total] = [0, 0, 0, 1e-9];
     for (let k = 0; k < count; k++) {
       const cosine = x * (ways[4 * k] ?? 0) + y * (ways[4 * k + 1] ?? 0) + z * (ways[4 * k + 2] ?? 0);
@@ -161,7 +173,10 @@ function blurred(source, width, height, roughness) {
 /** @param {Float32Array} texels three values each */
 function withAlpha(texels) {
   const found = new Float32Array((4 * texels.length) / 3);
-  for (let i = 0; i < texels.length / 3; i++) found.set([texels[3 * i] ?? 0, texels[3 * i + 1] ?? 0, texels[3 * i + 2] ?? 0, 1], 4 * i);
+  for (let i = 0; i < texels.length / 3; i++) {
+    for (let k = 0; k < 3; k++) found[4 * i + k] = texels[3 * i + k] ?? 0;
+    found[4 * i + 3] = 1;
+  }
   return found;
 }
 
@@ -173,12 +188,12 @@ const LOBE = [1, 2 / 3, 2 / 3, 2 / 3, 1 / 4, 1 / 4, 1 / 4, 1 / 4, 1 / 4];
 /** Returns irradiance by spherical harmonics. Source: Ramamoorthi and Hanrahan 2001. @param {Float32Array} texels @param {number} height */
 function harmonicsOf(texels, height) {
   const found = new Float32Array(3 * COEFFICIENTS);
-  for (let row = 0; row < height; row++) {
-    const area = ((Math.PI / height) ** 2) * Math.sin(((row + 0.5) * Math.PI) / height);
-    for (let column = 0; column < 2 * height; column++)
-      harmonics(directionOf(row, column, height)).forEach((value, i) => {
-        for (let k = 0; k < 3; k++) found[3 * i + k] = (found[3 * i + k] ?? 0) + area * value * (LOBE[i] ?? 0) * (texels[3 * (2 * height * row + column) + k] ?? 0);
-      });
+  const ways = directionsOf(height);
+  for (let at = 0; at < 2 * height * height; at++) {
+    const area = (Math.PI / height) ** 2 * (ways[4 * at + 3] ?? 0);
+    harmonics([ways[4 * at] ?? 0, ways[4 * at + 1] ?? 0, ways[4 * at + 2] ?? 0]).forEach((value, i) => {
+      for (let k = 0; k < 3; k++) found[3 * i + k] = (found[3 * i + k] ?? 0) + area * value * (LOBE[i] ?? 0) * (texels[3 * at + k] ?? 0);
+    });
   }
   return found;
 }

@@ -1,19 +1,24 @@
 /** Compiles the programs that draw a preview mesh. */
 
 /**
+ * Features that a program has only where they are drawn, since a processor that stands in for a graphics card takes long to compile
+ * them. KEPT: a projected picture. GLASS: the pass of glass. LAMPS. COAT. MAPS: textures of roughness, metal or emission. CURVES: tone
+ * curves other than the default one.
+ *
+ * @typedef {"KEPT" | "GLASS" | "LAMPS" | "COAT" | "MAPS" | "CURVES"} Feature
+ */
+
+/** Returns a shader's source with these features. @param {string} source @param {Feature[]} features */
+const withFeatures = (source, features) => source.replace("\n", `\n${features.map((name) => `#define ${name}\n`).join("")}`);
+
+/**
  * @param {WebGL2RenderingContext} gl
  * @param {string} vertex
  * @param {string} fragment
- * @param {WebGLProgram} [alike] a program whose attributes are at the same places
  * @returns {WebGLProgram | null} null: the driver refuses it
  */
-export function programOf(gl, vertex, fragment, alike) {
+export function programOf(gl, vertex, fragment) {
   const program = gl.createProgram();
-  const count = alike ? gl.getProgramParameter(alike, gl.ACTIVE_ATTRIBUTES) : 0;
-  for (let i = 0; alike && i < count; i++) {
-    const name = gl.getActiveAttrib(alike, i)?.name ?? "";
-    gl.bindAttribLocation(program, gl.getAttribLocation(alike, name), name);
-  }
   for (const [type, source] of /** @type {const} */ ([
     [gl.VERTEX_SHADER, vertex],
     [gl.FRAGMENT_SHADER, fragment],
@@ -27,8 +32,36 @@ export function programOf(gl, vertex, fragment, alike) {
   return gl.getProgramParameter(program, gl.LINK_STATUS) ? program : null;
 }
 
-/** Returns a function that finds a program's uniforms, and remembers them. @param {WebGL2RenderingContext} gl @param {WebGLProgram} program @returns {(name: string) => WebGLUniformLocation | null} */
-export function uniformsOf(gl, program) {
+/** A program, and a function that finds its uniforms and remembers them. @typedef {{program: WebGLProgram, at: (name: string) => WebGLUniformLocation | null}} Linked */
+
+/** The programs of a context, each compiled when it is first needed. */
+export class Programs {
+  /** @param {WebGL2RenderingContext} gl */
+  constructor(gl) {
+    this.gl = gl;
+    /** @type {Map<string, Linked | null>} */
+    this.known = new Map();
+  }
+
+  /**
+   * @param {string} vertex
+   * @param {string} fragment
+   * @param {Feature[]} features of both shaders
+   * @returns {Linked | null} null: the driver refuses it
+   */
+  with(vertex, fragment, features) {
+    const key = [features, vertex, fragment].join("\n");
+    const known = this.known.get(key);
+    if (known !== undefined) return known;
+    const program = programOf(this.gl, withFeatures(vertex, features), withFeatures(fragment, features));
+    const linked = program && { program, at: uniformsOf(this.gl, program) };
+    this.known.set(key, linked);
+    return linked;
+  }
+}
+
+/** @param {WebGL2RenderingContext} gl @param {WebGLProgram} program @returns {Linked["at"]} */
+function uniformsOf(gl, program) {
   /** @type {Map<string, WebGLUniformLocation | null>} */
   const known = new Map();
   return (name) => {

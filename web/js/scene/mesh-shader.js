@@ -1,4 +1,4 @@
-/** The shader of a preview mesh: metals, dielectrics and glass in the light around them and of lamps, without shadows. */
+/** The shaders of a preview mesh: metals, dielectrics and glass in the light around them and of lamps, without shadows. */
 
 import { TONEMAP_GLSL } from "../film/tonemap.js";
 import { KEPT_GLSL } from "./kept-picture.js";
@@ -9,6 +9,9 @@ export const MOST_LAMPS = 4;
 
 /** Passes, in the order in which they are drawn. */
 export const PASS = { opaque: 0, glass: 1, blend: 2 };
+
+/** Locations of the attributes, the same in all programs. */
+export const PLACES = { share: 0, normal: 1, color: 2, uv: 3 };
 
 /** Radiance around the scene, blurred by roughness, and irradiance by the normal. */
 const AROUND_GLSL = `
@@ -33,11 +36,13 @@ uniform vec3 extent;
 uniform float unhidden; // how much of the light no other surface keeps away, about
 uniform vec3 above;
 uniform float shaded; // how much darker the floor is below the scene
+#ifdef LAMPS
 uniform int lampCount;
 uniform vec4 lamps[${MOST_LAMPS}]; // places, with 1, or directions, with 0
 uniform vec3 lampColors[${MOST_LAMPS}]; // radiance of a white surface at the middle
 uniform vec3 lampAxes[${MOST_LAMPS}];
 uniform vec2 lampCosines[${MOST_LAMPS}];
+#endif
 uniform float metallic;
 uniform float roughness;
 uniform vec3 f0;
@@ -51,6 +56,7 @@ vec2 environmentBrdf(float nv, float rough) {
   float a = min(r.x * r.x, exp2(-9.28 * nv)) * r.x + r.y;
   return vec2(-1.04, 1.04) * a + r.zw;
 }
+#ifdef LAMPS
 // Light of the lamps: diffuse, and what a rough surface reflects of it (GGX, Walter et al. 2007).
 void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 again, inout vec3 diffuse, inout vec3 glossy) {
   float alpha2 = max(rough * rough, 0.01);
@@ -73,6 +79,7 @@ void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 ag
     glossy += light * again * fresnel * alpha2 / (d * d) * visibility; // times pi, and over it
   }
 }
+#endif
 // diffuse: irradiance by pi. glossy: radiance. passed: part of the light that the surface does not reflect at once.
 void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, out vec3 diffuse, out vec3 glossy, out float passed) {
   float nv = clamp(dot(n, v), 1e-3, 1.0);
@@ -88,16 +95,18 @@ void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, out
   float mirrored = 1.0 - 0.8 * shaded * (1.0 - smoothstep(0.0, 1.0, low)) * smoothstep(0.1, -0.7, dot(mirror, above));
   diffuse = received(n) * unhidden * floored;
   glossy = max(albedo.r, max(albedo.g, albedo.b)) > 0.0 ? reflected(mirror, rough) * albedo * mirrored * mix(1.0, unhidden, rough) : vec3(0.0);
+#ifdef LAMPS
   addLamps(place, n, v, rough, reflectance, again, diffuse, glossy);
+#endif
   passed = (1.0 - metal) * (1.0 - max(albedo.r, max(albedo.g, albedo.b)));
 }`;
 
 const ATTRIBUTES = `
 uniform mat4 toClip;
-in vec3 share;
-in vec3 normal;
-in vec4 color;
-in vec2 uv;
+layout(location = ${PLACES.share}) in vec3 share;
+layout(location = ${PLACES.normal}) in vec3 normal;
+layout(location = ${PLACES.color}) in vec4 color;
+layout(location = ${PLACES.uv}) in vec2 uv;
 out vec3 place;
 out vec4 shown;
 out vec2 texel;`;
@@ -142,12 +151,16 @@ void main() {
   if (isWhole) lit = srgbEncode(neutral((lit + shine + emission) * gain));
 }`;
 
+const KEPT = `
+#ifdef KEPT
+${KEPT_GLSL}
+#endif`;
+
 /** What both fragment shaders write. */
 const WRITE_GLSL = `
 uniform float gain; // 2^exposure
 uniform int curve;
 uniform int pass;
-uniform bool hasKept;
 uniform sampler2D image;
 uniform vec3 emission;
 uniform bool unlit;
@@ -167,10 +180,10 @@ vec3 faceNormal(vec3 v) {
   return dot(n, v) < 0.0 ? -n : n;
 }
 void write(vec3 color, float opacity, vec3 flatly) {
-  if (hasKept) {
-    vec4 known = keptAt(place, flatly, 0.0);
-    color = mix(color * keptLight(place), known.rgb, known.a);
-  }
+#ifdef KEPT
+  vec4 known = keptAt(place, flatly, 0.0);
+  color = mix(color * keptLight(place), known.rgb, known.a);
+#endif
   pixel = pass == ${PASS.blend} ? vec4(color, 1.0) * opacity : vec4(color, 1.0);
 }`;
 
@@ -179,7 +192,7 @@ precision highp float;
 uniform vec4 eye;
 uniform float metallic;
 uniform bool isWhole;
-${KEPT_GLSL}
+${KEPT}
 ${WRITE_GLSL}
 in vec3 lit;
 in vec3 shine;
@@ -191,26 +204,33 @@ void main() {
   vec4 base = texture(image, texel);
   if (alphaMode != 0 && isHidden(shown.a * base.a)) discard;
   vec3 color = lit * base.rgb + shine * mix(vec3(1.0), base.rgb, metallic) + emission;
-  write(srgbEncode(neutral(color * gain)), 1.0, hasKept ? faceNormal(normalize(eye.xyz - eye.w * place)) : vec3(0.0));
+  write(srgbEncode(neutral(color * gain)), 1.0, faceNormal(normalize(eye.xyz - eye.w * place)));
 }`;
 
 export const FRAGMENT = `#version 300 es
 precision highp float;
-uniform mat4 toClip;
+#ifdef MAPS
 uniform sampler2D roughMetal;
 uniform sampler2D glow;
+#endif
+#ifdef GLASS
+uniform mat4 toClip;
 uniform sampler2D behind; // what is drawn before glass, multiplied by its alpha
 uniform bool hasBehind;
 uniform float transmission;
 uniform float ior;
 uniform bool thin;
 uniform float depth; // how far behind glass is what is seen through it
+#endif
+#ifdef COAT
 uniform float coat;
 uniform float coatRoughness;
+#endif
 ${LIGHT_GLSL}
-${KEPT_GLSL}
+${KEPT}
 ${WRITE_GLSL}
 in vec3 facing;
+#ifdef GLASS
 // Inverts what the default curve does to values that it does not compress.
 vec3 undisplayed(vec3 c) {
   c = srgbDecode(c);
@@ -233,6 +253,7 @@ vec3 transmitted(vec3 n, vec3 v, float rough) {
   vec4 known = textureLod(behind, uv, 7.0 * rough);
   return known.a > 0.01 ? mix(light, undisplayed(known.rgb / known.a), known.a) : light;
 }
+#endif
 void main() {
   vec4 base = texture(image, texel);
   base = vec4(srgbDecode(shown.rgb) * base.rgb, shown.a * base.a);
@@ -241,23 +262,40 @@ void main() {
   vec3 flatly = faceNormal(v);
   vec3 n = dot(facing, facing) > 0.01 ? normalize(facing) : flatly;
   if (dot(n, flatly) < 0.0) n = -n;
+  float rough = roughness;
+  float metal = metallic;
+  vec3 added = emission;
+#ifdef MAPS
   vec3 packed = texture(roughMetal, texel).rgb;
-  float rough = clamp(roughness * packed.g, 0.0, 1.0);
-  float metal = clamp(metallic * packed.b, 0.0, 1.0);
+  rough *= packed.g;
+  metal *= packed.b;
+  added *= texture(glow, texel).rgb;
+#endif
+  rough = clamp(rough, 0.0, 1.0);
+  metal = clamp(metal, 0.0, 1.0);
   vec3 color = base.rgb;
   if (!unlit) {
     vec3 diffuse, glossy;
     float passed;
     shade(place, n, v, base.rgb, rough, metal, diffuse, glossy, passed);
     vec3 body = base.rgb * diffuse;
-    if (transmission > 0.0) body = mix(body, base.rgb * transmitted(n, v, rough), transmission);
+#ifdef GLASS
+    body = mix(body, base.rgb * transmitted(n, v, rough), transmission);
+#endif
     color = passed * body + glossy;
+#ifdef COAT
     if (coat > 0.0) {
       float weight = coat * (0.04 + 0.96 * pow(1.0 - clamp(dot(n, v), 0.0, 1.0), 5.0));
       color = mix(color, reflected(reflect(-v, n), coatRoughness), weight);
     }
+#endif
   }
-  write(displayed((color + emission * texture(glow, texel).rgb) * gain, curve), base.a, flatly);
+  color = (color + added) * gain;
+#ifdef CURVES
+  write(displayed(color, curve), base.a, flatly);
+#else
+  write(srgbEncode(neutral(color)), base.a, flatly);
+#endif
 }`;
 
 /** What is behind the mesh: the light around the scene, as seen by the camera. */
@@ -279,5 +317,10 @@ ${TONEMAP_GLSL}
 in vec2 at;
 out vec4 pixel;
 void main() {
-  pixel = vec4(displayed(reflected(normalize(forward + at.x * across + at.y * upward), 0.0) * gain, curve), 1.0);
+  vec3 color = reflected(normalize(forward + at.x * across + at.y * upward), 0.0) * gain;
+#ifdef CURVES
+  pixel = vec4(displayed(color, curve), 1.0);
+#else
+  pixel = vec4(srgbEncode(neutral(color)), 1.0);
+#endif
 }`;

@@ -58,17 +58,18 @@ export function aroundTexture(gl, { levels }) {
   return texture;
 }
 
-/** The tables of the mesh whose light was computed last: several canvases draw it. @type {{mesh: MeshPacket, key: string, tables: import("./mesh-environment.js").LightTables} | null} */
+/** The tables of the light that was computed last: several canvases draw it. @type {{source: unknown, key: string, tables: import("./mesh-environment.js").LightTables} | null} */
 let latest = null;
 
 /**
  * @param {MeshPacket} mesh
- * @param {import("./mesh-environment.js").Environment | null} environment
+ * @param {() => import("./mesh-environment.js").Environment | null} environment
  * @param {Vec3 | null} floor up in the scene, if it stands on a floor
  * @param {Vec3} around radiance that is added everywhere
  */
 export function tablesOf(mesh, environment, floor, around) {
+  const source = mesh.environment ?? mesh.isStudio; // the studio's light is the same for all meshes
   const key = JSON.stringify([floor, around]);
-  if (latest?.mesh !== mesh || latest.key !== key) latest = { mesh, key, tables: lightTables(environment, floor, around) };
+  if (latest?.source !== source || latest.key !== key) latest = { source, key, tables: lightTables(environment(), floor, around) };
   return latest.tables;
 }
