@@ -190,6 +190,7 @@ def _summary(farm: LocalFarm, folder: Path) -> None:
         line("Log in", link)
         program = f"{data_variable(folder)}{PROGRAM}"
         line("", f"(works once, for a day; `{program} user link` prints another, `{program} user add` lets others in)")
+    line("First picture", "drop a scene on that page, or open an example there")
     line("API", f"{farm.url}/docs/")
     if farm.host in LOOPBACK:
         line("Add a machine", f"{farm.open_command}, which prints the command for it")

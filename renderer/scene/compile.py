@@ -276,10 +276,8 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     varied scene; else left out.
     """
     floor = description.subject is not None  # one mesh of two flat triangles, six vertices
-    points = _visible_points(compiled)
-    if floor:
-        low, high = compiled.bounds
-        points = points[((points >= low) & (points <= high)).all(axis=1)]
+    objects = number_objects(description)
+    points = _visible_points(compiled, objects.instance[-1] if floor else None)
     return {
         "cameras": camera_dicts(description, _bounds(compiled), points + compiled.origin),
         "counts": {
@@ -293,7 +291,7 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
             "textures": len(compiled.texture),
             "lights": len(compiled.light_primitive),
         },
-        "objects": number_objects(description).names,
+        "objects": objects.names,
         "materials": [m.name for m in description.materials],
         "light_groups": names_of(compiled),
         "bounds": _bounds(compiled).tolist(),
@@ -321,11 +319,9 @@ def summarise_again(description: SceneDescription, compiled: CompiledScene, befo
     before: the summary of the earlier frame, from which everything else is copied. The camera "auto" frames the bounds of the
     geometry here, not its vertices.
     """
-    low, high = _bounds(compiled)
-    corners = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)], np.float64)
     return {
         **before,
-        "cameras": camera_dicts(description, _bounds(compiled), corners),
+        "cameras": camera_dicts(description, _bounds(compiled), _corners(_bounds(compiled))),
         "bounds": _bounds(compiled).tolist(),
         "warnings": list(description.warnings),
         **_variation(description),
@@ -341,9 +337,10 @@ def camera_names(description: SceneDescription) -> list[str]:
 def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.ndarray) -> list[dict[str, Any]]:
     """Returns the cameras in the form used by `summarise`.
 
-    bounds: (2, 3) corners of all geometry. points: (N, 3) that the camera "auto" frames, unless the scene is a room.
+    bounds: (2, 3) corners of all geometry. points: (N, 3) that the camera "auto" frames, unless the scene is a room; without any,
+    it frames the bounds.
     """
-    automatic = room_view(description, bounds) or frame(points, description.up)
+    automatic = room_view(description, bounds) or frame(points if len(points) else _corners(bounds), description.up)
     cameras = [*_aimed_cameras(description, bounds), Camera(AUTO_CAMERA, automatic)]
     return [_camera_dict(camera) for camera in cameras]
 
@@ -440,9 +437,22 @@ def _bounds(compiled: CompiledScene) -> np.ndarray:
     return compiled.bounds.astype(np.float64) + compiled.origin
 
 
-def _visible_points(compiled: CompiledScene) -> np.ndarray:
+def _corners(bounds: np.ndarray) -> np.ndarray:
+    """Returns the corners (8, 3) of bounds (2, 3)."""
+    low, high = np.asarray(bounds, np.float64)
+    return np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)])
+
+
+def _visible_points(compiled: CompiledScene, without: int | None) -> np.ndarray:
+    """Returns points (N, 3) on the surfaces, in the compiled scene's space; N is bounded.
+
+    without: the number of an object that is left out."""
     first = np.searchsorted(compiled.triangle[:, 3], np.arange(len(compiled.part) + 1))
-    in_world = [np.arange(first[p], first[p + 1]) for p in np.flatnonzero(compiled.part[:, PART_OBJECT] >= 0)]
+    number = compiled.part[:, PART_OBJECT]
+    in_world = [
+        np.arange(first[p], first[p + 1])
+        for p in np.flatnonzero((number >= 0) & (number != (-1 if without is None else without)))
+    ]
     world = np.concatenate([np.zeros(0, np.int64), *in_world])
     points = [compiled.position[compiled.triangle[world[:: max(len(world) // 50_000, 1)], :3].reshape(-1)]]
     directions = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)])

@@ -77,7 +77,7 @@ export function notesPanel(ask, { picture, frame, frames, show: showFrame }) {
   const hint = make("p", { class: "quiet" });
   const place = button(words.pin, () => (setSpot(spot ?? { x: 0.5, y: 0.5 }), draft.focus()));
   const form = make("form", { hidden: true }, area, hint, make("div", { class: "row" }, make("button", { class: "button primary" }, words.saveNote), place, button(words.cancel, () => close())));
-  sendsOrCancels(area, form, () => close());
+  sendsOrCancels(area, form, () => close(true));
   const none = make("p", { class: "quiet" }, words.noNotes);
   const list = make("ol");
   const done = make("ol");
@@ -164,10 +164,10 @@ export function notesPanel(ask, { picture, frame, frames, show: showFrame }) {
     draw();
     area.focus();
   };
-  const close = () => {
+  const close = (isKept = false) => {
     form.hidden = true;
     add.hidden = false;
-    area.value = "";
+    if (!isKept) area.value = ""; // Escape keeps the text for the next time
     layer.parentElement.classList.remove("placing");
     setSpot(null);
     draw();

@@ -96,6 +96,20 @@ def test_scene_uses_selected_and_dropped_environment(watched: Watched, farm: Far
 
 
 @pytest.mark.long
+def test_image_dropped_on_the_home_page_lights_the_last_scene(
+    watched: Watched, farm: Farm, scene: dict[str, Any], tmp_path: Path
+) -> None:
+    page = watched.page
+    page.goto(farm.url)  # the newest scene is listed first
+    expect(page.get_by_role("heading").first).to_be_visible()
+    name = scene["name"]
+    drop(page, "porch.exr", hdri(tmp_path / "porch.exr"))
+    page.get_by_role("button", name=f"Light “{name}” with it").click()
+    expect(page.get_by_role("radio", name="porch")).to_be_checked(timeout=30_000)
+    assert not watched.errors
+
+
+@pytest.mark.long
 def test_dropped_image_can_be_added_as_environment(watched: Watched, farm: Farm, tmp_path: Path) -> None:
     page = watched.page
     page.goto(farm.url)

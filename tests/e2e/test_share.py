@@ -114,6 +114,11 @@ def test_guest_and_user_exchange_notes_on_open_pages(browser: Browser, studio: S
     assert box
     guest.touchscreen.tap(box["x"] + 0.25 * box["width"], box["y"] + 0.75 * box["height"])
     guest.get_by_label("New note", exact=True).fill("<img src=x onerror=alert(1)> too dark")
+    guest.keyboard.press("Escape")
+    expect(guest.get_by_label("New note", exact=True)).to_be_hidden()
+    guest.get_by_role("button", name="Add note").click()
+    expect(guest.get_by_label("New note", exact=True)).to_have_value("<img src=x onerror=alert(1)> too dark")
+    guest.touchscreen.tap(box["x"] + 0.25 * box["width"], box["y"] + 0.75 * box["height"])
     guest.get_by_role("button", name="Save note").click()
     expect(guest.get_by_role("alert")).to_have_text("Give your name.")
     guest.get_by_label("Your name").fill("Carla")

@@ -289,13 +289,13 @@ Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's axes
 
 
 def test_fbx_vertices_match_blender(node: Node) -> None:
-    """Nested, rotated, instanced and skinned meshes are where Blender computed them; "grid" has shape keys."""
+    """Nested, rotated, instanced, skinned and blended meshes are where Blender computed them."""
     found = read_in_page(node, {"kit.fbx": (FBX / "kit.fbx").read_bytes()})
     corners, _ = corners_of(found["packet"])
     points = np.unique(corners.reshape(-1, 3), axis=0)
     said = json.loads((FBX / "kit.json").read_text())["0"]
-    meshes = [each for name, each in said.items() if each["type"] == "MESH" and name != "grid"]
-    assert found["packet"]["triangles"] == sum(each["triangles"] for each in meshes) + said["grid"]["triangles"]
+    meshes = [each for each in said.values() if each["type"] == "MESH"]
+    assert found["packet"]["triangles"] == sum(each["triangles"] for each in meshes)
     wanted = np.concatenate([each["vertices"] for each in meshes]) @ Y_UP.T
     away = np.linalg.norm(wanted[:, None] - points[None], axis=2).min(axis=1)
     assert away.max() < 1e-3
@@ -307,6 +307,67 @@ def test_fbx_vertices_match_blender(node: Node) -> None:
     np.testing.assert_allclose(given, sorted((i == 1, *way) for i, way in enumerate(ways)), atol=1e-3)
     assert len(found["images"]) == 1
     assert not found["isWhole"], "it is animated"
+
+
+def test_fbx_lamps_are_as_strong_as_those_of_service(node: Node, tmp_path: Path) -> None:
+    files = {"kit.fbx": (FBX / "kit.fbx").read_bytes()}
+    found, known = read_in_page(node, files)["packet"]["lamps"], read_by_service(tmp_path, files).lamps
+    by_place = {tuple(np.round(lamp.at, 3)): lamp for lamp in known}
+    for lamp in found:
+        same = by_place[tuple(np.round(lamp["at"], 3))]
+        np.testing.assert_allclose(lamp["color"], same.color, rtol=1e-3)
+        np.testing.assert_allclose(lamp["axis"], same.axis, atol=1e-5)
+        np.testing.assert_allclose(lamp["cosines"], same.cosines, atol=1e-5)
+    assert len(found) == 4, "a point, an area, a spot and a sun"
+
+
+def test_concave_polygons_keep_their_shape(node: Node, tmp_path: Path) -> None:
+    """A pane of the file is a square with a notch, of which a fan would cover more than the square."""
+    files = {"kit.fbx": (FBX / "kit.fbx").read_bytes()}
+    corners, _ = corners_of(read_in_page(node, files)["packet"])
+    known = read_by_service(tmp_path, files)
+
+    def area(triangles: np.ndarray) -> float:
+        return float(np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1).sum())
+
+    assert area(corners) == pytest.approx(area(known.positions[known.triangles]), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("outline", "triangles"),
+    [
+        ([(0, 0), (2, 0), (2, 2), (0, 2)], 2),
+        ([(0, 0), (4, 0), (4, 4), (2, 1), (0, 4)], 3),
+        ([(0, 4), (2, 1), (4, 4), (4, 0), (0, 0)], 3),
+        ([(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)], 6),
+    ],
+)
+def test_triangles_cover_their_polygon(node: Node, outline: list[tuple[int, int]], triangles: int) -> None:
+    places = [(x, y, 0.5 * x + 3) for x, y in outline]
+    found = node.call("mesh/polygons", "return m.trianglesOf(a.length, (i) => a[i]);", places)
+    assert len(found) == 3 * triangles
+    x, y = np.array(outline, float)[np.reshape(found, (-1, 3))].transpose(2, 0, 1)
+    areas = ((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])) / 2
+    u, v = np.array(outline, float).T
+    whole = float(np.sum(u * np.roll(v, -1) - v * np.roll(u, -1))) / 2
+    assert areas.sum() == pytest.approx(whole)
+    assert (np.sign(areas) == np.sign(whole)).all()
+
+
+@pytest.mark.parametrize(
+    ("outline", "is_first"),
+    [
+        ([(0, 0), (2, 0), (2, 2), (0, 2)], True),
+        ([(0, 0), (4, 0), (1, 1), (0, 4)], True),
+        ([(4, 0), (1, 1), (0, 4), (0, 0)], False),
+        ([(0, 0), (0, 4), (1, 1), (4, 0)], True),
+        ([(1, 1), (0, 4), (0, 0), (4, 0)], True),
+    ],
+)
+def test_quadrilaterals_are_cut_inside(node: Node, outline: list[tuple[int, int]], is_first: bool) -> None:
+    points = [value for x, y in outline for value in (x, y, x - y)]
+    body = "return m.isCutFromFirst(Float64Array.from(a), 0, 1, 2, 3);"
+    assert node.call("mesh/polygons", body, points) is is_first
 
 
 def test_fbx_materials_equal_those_of_service(node: Node, tmp_path: Path) -> None:

@@ -51,6 +51,16 @@ def test_durations_are_formatted_briefly(node: Node) -> None:
     assert times == ["0:07", "2:05", "1:02:05", "47:00:00", "25 d 22 h"]
 
 
+def test_ranges_of_times_hold_still(node: Node) -> None:
+    body = """
+        const { timeRange } = await read("/js/base/format.js");
+        const ranges = m.steadyRanges();
+        return a.map((seconds) => timeRange(...ranges("a picture", seconds)));"""
+    times = [0.6, 0.9, 9, 13, 6, 33, 300, 20_000]
+    shown = ["< 1 s", "< 1 s", "5–15 s", "5–15 s", "5–15 s", "20 s–1 min", "4–8 min", "3–12 h"]
+    assert node.call("forms/render-presets", body, times) == shown
+
+
 def test_scene_size_is_formatted_briefly(node: Node) -> None:
     extents = node.call("base/format", "return a.map(m.extent);", [[4, 3, 2.54321], [4e5, 3e5, 12], [0, 0, 0], [2e-5, 0, 1e-7]])
     assert extents == ["4 × 3 × 2.54", "4 × 3 × 0.00012 · 10⁵", "0 × 0 × 0", "2 × 0 × 0.01 · 10⁻⁵"]

@@ -65,3 +65,15 @@ def test_far_floor_matches_the_horizon(tmp_path: Path) -> None:
     far = radiance((0, 4, 20), (20, 0, 0))
     assert far == pytest.approx(0.5, rel=0.05)
     assert radiance((0, 4, 20), (0, 0, 0.5)) < 0.85 * far
+
+
+def test_automatic_camera_frames_a_box_whose_bounds_are_rounded(tmp_path: Path) -> None:
+    corners = [(x, y, z) for x in (-0.01, 0.01) for y in (-0.01, 0.01) for z in (-0.01, 0.01)]  # all of them on the bounds
+    faces = ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4")
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {face}" for face in faces]
+    (tmp_path / "m.obj").write_text("\n".join(lines))
+    found = read(tmp_path, "m.obj", floor="on")
+    assert found.subject is not None
+    found.subject = np.nextafter(found.subject.astype(np.float32), np.float32(0)).astype(np.float64)
+    plain, floored = (summarise(each, compile_scene(each)) for each in (read(tmp_path, "m.obj"), found))
+    assert floored["cameras"] == plain["cameras"]

@@ -41,6 +41,31 @@ const NO_PICTURE = 1;
 /** Time, in milliseconds, over which the speeds of workers are averaged: busy machines change theirs by the second. */
 const STEADY_MS = 30_000;
 
+/** Ends of the ranges of expected times, in seconds, up to ten days. */
+const RUNGS = /** @type {[number, number[]][]} */ ([[1, [1, 2, 3, 5, 8, 10, 15, 20, 30, 45]], [60, [1, 2, 3, 4, 5, 8, 10, 15, 20, 30, 45]], [3600, [1, 2, 3, 5, 8, 12]], [86400, [1, 2, 3, 5, 10]]]).flatMap(([unit, counts]) => counts.map((n) => n * unit));
+
+/** How much faster or slower than expected a picture may become: machines also have other work. */
+const [FASTER, SLOWER] = [0.8, 1.6];
+
+/**
+ * Returns a function that returns the range of a time, and returns the same range as long as the times are well inside it.
+ *
+ * @returns {(key: string, seconds: number) => [number, number]} key: what is estimated
+ */
+export function steadyRanges() {
+  /** @type {Map<string, [number, number]>} */
+  const known = new Map();
+  return (key, seconds) => {
+    const before = known.get(key);
+    if (before && before[0] <= seconds && seconds <= before[1]) return before;
+    const low = RUNGS.findLast((rung) => rung <= FASTER * seconds) ?? 0;
+    const high = RUNGS.find((rung) => rung >= SLOWER * seconds) ?? SLOWER * seconds;
+    const range = /** @type {[number, number]} */ ([low, high]);
+    known.set(key, range);
+    return range;
+  };
+}
+
 /** @returns {(workers: Worker[]) => Worker[]} the workers with speeds averaged since the first call */
 export function steadySpeeds() {
   /** @type {Map<string, {speed: number, at: number}>} */

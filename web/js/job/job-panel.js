@@ -4,7 +4,7 @@ import { beginAnew, changeJob } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { putJob } from "../news/farm.js";
 import { mayChange, readOnlyReason } from "../news/projects.js";
-import { clock, compact, count } from "../base/format.js";
+import { clock, compact, count, roughly } from "../base/format.js";
 import { command } from "../shell/hints.js";
 import { go, here, linkTo } from "../shell/router.js";
 import { icon } from "../base/icons.js";
@@ -215,7 +215,7 @@ export function actionsPanel() {
   const number = h("span", { class: "number" });
   const more = button("plus", "", moreSamples);
   more.append(number);
-  more.title = t("Adds samples: the picture is the same as if all had been requested at once");
+  const adds = t("Adds samples: the picture is the same as if all had been requested at once");
   const keepWords = () => [h("span", { class: "short" }, t("Keep")), h("span", { class: "long" }, t("Never delete"))];
   const keep = button("keep", "", (job) => change(job, { pinned: !job.pinned }, t("The job was not changed")));
   keep.title = t("Never deleted automatically: its picture, and its scene's files");
@@ -231,6 +231,8 @@ export function actionsPanel() {
       cancel.hidden = !open;
       more.hidden = job.state === "failed";
       setText(number, t("{n} samples", { n: count(asManyAgain(job)) }));
+      const isKnown = job.state === "finished" && !job.taken && job.active_s >= 1 && asManyAgain(job) === job.spp;
+      more.title = [adds, isKnown && t("Takes {time}, as this picture did.", { time: roughly(job.active_s) })].filter(Boolean).join(". ");
       if (keep.getAttribute("aria-pressed") !== String(Boolean(job.pinned))) fill(keep, icon(job.pinned ? "check" : "keep"), ...keepWords());
       keep.setAttribute("aria-pressed", String(Boolean(job.pinned)));
       // Moves the focus if the pressed button disappears.

@@ -5,7 +5,7 @@ import { MOST_STOPS, clampStops, isPlain, plainStrip } from "../film/light-mix.j
 import { h, setText } from "../base/dom.js";
 import { MOST_GROUPS } from "../forms/setting-field.js";
 import { icon } from "../base/icons.js";
-import { isLightless } from "../base/light-words.js";
+import { isLightless, lightWords, ownLight } from "../base/light-words.js";
 import { roughly, stops } from "../base/format.js";
 import { scenes } from "../news/farm.js";
 import { isRead, settingOf } from "../news/settings-table.js";
@@ -154,7 +154,7 @@ function withoutGroups(latest, life, renderWith) {
           : groups.length
             ? t("Rendered again, this picture gets a slider for each light: {groups}.", { groups: groups.join(", ") })
             : lacksLight
-              ? t("The file has no lights to mix. Render with other settings to give it another light.")
+              ? t("Nothing to mix: the only light is {light}.", { light: lightWords(latest().environment, scene) || ownLight(scene) })
               : t("No lamps to mix were found in this scene. Its file can name light groups."),
       );
     }),

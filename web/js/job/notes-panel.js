@@ -175,10 +175,11 @@ export function notesPanel(job, picture, life, { open, begin, goTo }) {
     show();
     if (!name.focus()) area.focus();
   };
-  const close = () => {
+  /** @param {boolean} [isKept] whether the text is there when the form is opened again */
+  const close = (isKept = false) => {
     form.hidden = true;
     add.hidden = false;
-    area.value = "";
+    if (!isKept) area.value = "";
     view?.element.classList.remove("measuring");
     setSpot(null);
     pins?.setDraft(null);
@@ -197,7 +198,7 @@ export function notesPanel(job, picture, life, { open, begin, goTo }) {
     }
     save.disabled = false;
   });
-  area.addEventListener("keydown", (event) => submitOrCancel(event, form, close));
+  area.addEventListener("keydown", (event) => submitOrCancel(event, form, () => close(true)));
   if (view) {
     const { width, height } = view.size;
     const chosen = (/** @type {import("../film/region.js").Rect} */ { x, y, w, h: high }) => (setSpot({ x: (x + w / 2) / width, y: (y + high / 2) / height }), area.focus());
@@ -214,7 +215,7 @@ export function notesPanel(job, picture, life, { open, begin, goTo }) {
     setShown(on) {
       if (isShown === on) return;
       isShown = on;
-      if (!on && !form.hidden) close();
+      if (!on && !form.hidden) close(true);
       show();
     },
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */

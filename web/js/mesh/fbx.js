@@ -1,12 +1,13 @@
 /**
- * Reads binary FBX files for a preview: meshes in their places, skinned as the bones stand, with colours and textures. Animation, blend
- * shapes, subdivision, text files and versions before 7.0 are left to the service.
+ * Reads binary FBX files for a preview: meshes in their places, skinned as the bones stand, with blend shapes, colours, textures and lamps.
+ * Animation, subdivision, text files and versions before 7.0 are left to the service.
  */
 
 import { pictureType } from "./files.js";
 import { arrayOf, childOf, nodesOf, propertiesOf } from "./fbx-nodes.js";
 import { IDENTITY, cofactors, product, rotation, scaling, translation, transposed } from "./matrix.js";
 import { GREY, coded, modelOf } from "./model.js";
+import { isCutFromFirst, trianglesOf } from "./polygons.js";
 import { orbitView } from "./shapes.js";
 import { OMNI, dielectric, phongRoughness } from "./surface.js";
 
@@ -23,7 +24,8 @@ const ORDERS = ["xyz", "xzy", "yzx", "yxz", "zxy", "zyx"];
 const MOST_DEPTH = 256;
 const MOST_CORNERS = 30_000_000; // of all triangles before they are decimated, each instance of a mesh with its own
 const [INCH, CENTIMETRES] = [25.4, 100];
-const DIRECTIONAL = 1; // light type
+const [DIRECTIONAL, SPOT, AREA] = [1, 2, 3]; // light types
+const QUADRATIC = 2; // decay of a light
 
 /** Adds a value to the list of a key. @template V @param {Map<string, V[]>} lists @param {string} key @param {V} value */
 function append(lists, key, value) {
@@ -127,7 +129,7 @@ export async function readFbx(file, picture, most) {
     if (!scene.isShown(id)) continue;
     for (const [geometry, thing] of scene.below(id, "Geometry", "Mesh")) {
       isWhole &&= !scene.below(geometry, "Deformer").length;
-      const shapes = await shapesOf(thing.node, await placing(scene, id, geometry));
+      const shapes = await shapesOf(thing.node, await placing(scene, id, geometry), await blendedPoints(scene, geometry, thing.node));
       const slots = scene.below(id, "Material");
       for (const [slot, shape] of shapes) {
         corners += shape.indices.length;
@@ -141,7 +143,10 @@ export async function readFbx(file, picture, most) {
     }
   }
   const isRead = isWhole && parts.some(({ image }) => image); // else its textures may be of types that only the service reads
-  return modelOf(parts, IDENTITY, isRead, most, { lamps: lampsOf(scene), camera: (low, high) => cameraOf(scene, low, high) });
+  const found = modelOf(parts, IDENTITY, isRead, most, { lamps: lampsOf(scene, [0, 0, 0]), camera: (low, high) => cameraOf(scene, low, high) });
+  const lamps = found ? lampsOf(scene, /** @type {import("./shapes.js").Vec3} */ (found.packet.low.map((value, i) => (value + (found.packet.high[i] ?? 0)) / 2))) : [];
+  if (found && lamps.length) found.packet.lamps = lamps;
+  return found;
 }
 
 /** @param {Properties} properties @param {string} name @param {number} otherwise @returns {number} */
@@ -233,18 +238,49 @@ function placed(points, { matrix, joints }) {
 }
 
 /**
- * Returns the triangles of a geometry in the world, by the slots of their materials. Polygons are cut into fans.
+ * Returns the points of a geometry with its blend shapes, in the proportions that its file states. Shapes in between others, of channels
+ * with several, are left to the service.
+ *
+ * @param {Scene} scene
+ * @param {string} id
+ * @param {Node} geometry
+ * @returns {Promise<{points: Float64Array | null, isBlended: boolean}>}
+ */
+async function blendedPoints(scene, id, geometry) {
+  const points = await arrayOf(geometry, "Vertices");
+  let [isBlended, moved] = [false, 0];
+  let found = points;
+  for (const [blend] of scene.below(id, "Deformer", "BlendShape"))
+    for (const [channel, { node, properties }] of scene.below(blend, "Deformer", "BlendShapeChannel")) {
+      const share = Number(properties.get("DeformPercent")?.[0] ?? childOf(node, "DeformPercent")?.values[0] ?? 0) / 100;
+      const [shape, ...others] = scene.below(channel, "Geometry", "Shape");
+      if (!points || !shape || others.length || !share || !Number.isFinite(share)) continue;
+      const [indices, offsets] = [await arrayOf(shape[1].node, "Indexes"), await arrayOf(shape[1].node, "Vertices")];
+      moved += indices?.length ?? 0;
+      if (moved > MOST_CORNERS) throw new RangeError("too many blend shapes"); // a file may name a shape any number of times
+      const blended = isBlended && found ? found : Float64Array.from(points);
+      indices?.forEach((/** @type {number} */ index, /** @type {number} */ i) => {
+        for (let axis = 0; axis < 3; axis++) blended[3 * index + axis] = (blended[3 * index + axis] ?? 0) + share * (offsets?.[3 * i + axis] ?? 0);
+      });
+      [found, isBlended] = [blended, true];
+    }
+  return { points: found, isBlended };
+}
+
+/**
+ * Returns the triangles of a geometry in the world, by the slots of their materials.
  *
  * @param {Node} geometry
  * @param {Placing} placing
+ * @param {{points: Float64Array | null, isBlended: boolean}} blended
  * @returns {Promise<[number, Shape][]>}
  */
-async function shapesOf(geometry, placing) {
-  const [points, polygons] = [await arrayOf(geometry, "Vertices"), await arrayOf(geometry, "PolygonVertexIndex")];
+async function shapesOf(geometry, placing, { points, isBlended }) {
+  const polygons = await arrayOf(geometry, "PolygonVertexIndex");
   if (!points || !polygons) return [];
   const positions = placed(points, placing);
-  const isSkinned = placing.joints.length > 0;
-  const normals = isSkinned ? null : await layerOf(geometry, "LayerElementNormal", "Normals", "NormalsIndex", 3, polygons);
+  const isDeformed = isBlended || placing.joints.length > 0;
+  const normals = isDeformed ? null : await layerOf(geometry, "LayerElementNormal", "Normals", "NormalsIndex", 3, polygons);
   const uvs = await layerOf(geometry, "LayerElementUV", "UV", "UVIndex", 2, polygons);
   const colors = await layerOf(geometry, "LayerElementColor", "Colors", "ColorIndex", 4, polygons);
   const layer = childOf(geometry, "LayerElementMaterial");
@@ -256,7 +292,7 @@ async function shapesOf(geometry, placing) {
     const slot = slots?.[polygon++] ?? 0;
     const corners = bySlot.get(slot) ?? [];
     bySlot.set(slot, corners);
-    for (let next = first + 1; next < corner; next++) corners.push(first, next, next + 1);
+    cut(points, polygons, first, corner + 1 - first, corners);
     first = corner + 1;
   }
   const turn = cofactors(placing.matrix);
@@ -279,6 +315,30 @@ async function shapesOf(geometry, placing) {
     });
     return [slot, shape];
   });
+}
+
+/**
+ * Adds the corners of a polygon's triangles to a list.
+ *
+ * @param {Float64Array} points
+ * @param {Int32Array} polygons
+ * @param {number} first corner of the polygon
+ * @param {number} count of its corners
+ * @param {number[]} corners
+ */
+function cut(points, polygons, first, count, corners) {
+  const point = (/** @type {number} */ corner) => {
+    const index = polygons[first + corner] ?? 0;
+    return index < 0 ? ~index : index;
+  };
+  if (count === 3) corners.push(first, first + 1, first + 2);
+  else if (count === 4) {
+    const from = isCutFromFirst(points, point(0), point(1), point(2), point(3)) ? 0 : 1;
+    corners.push(first + from, first + from + 1, first + from + 2, first + from, first + from + 2, first + ((from + 3) % 4));
+  } else {
+    const place = (/** @type {number} */ corner) => /** @type {import("./shapes.js").Vec3} */ ([0, 1, 2].map((axis) => points[3 * point(corner) + axis] ?? 0));
+    for (const corner of trianglesOf(count, place)) corners.push(first + corner);
+  }
 }
 
 /**
@@ -368,18 +428,47 @@ async function imageOf(scene, texture, picture) {
   return null;
 }
 
-/** Returns the file's lamps: areas and spots like points, all as bright, since FBX states no unit. @param {Scene} scene @returns {import("./shapes.js").Lamp[]} */
-function lampsOf(scene) {
+/**
+ * Returns the file's lamps, as strong as renderer/scene/readers/fbx/lights.py reads them: Blender writes watts, and other programs' lamps
+ * of 100 % light a white surface fully.
+ *
+ * @param {Scene} scene
+ * @param {import("./shapes.js").Vec3} middle of the scene
+ * @returns {import("./shapes.js").Lamp[]}
+ */
+function lampsOf(scene, middle) {
   return scene.all("Model", "Light").flatMap(([id]) => {
     const properties = scene.below(id, "NodeAttribute", "Light")[0]?.[1].properties;
     if (!properties || !scene.isShown(id)) return [];
-    const isFar = numberIn(properties, "LightType", 0) === DIRECTIONAL;
+    const stated = (/** @type {string} */ name, otherwise = 0) => numberIn(properties, name, otherwise);
+    const type = stated("LightType");
+    const isFar = type === DIRECTIONAL;
     const world = scene.world(id);
-    const at = /** @type {import("./shapes.js").Vec3} */ ((isFar ? [4, 5, 6] : [12, 13, 14]).map((i) => world[i] ?? 0)); // lamps shine along -Y
-    const color = /** @type {import("./shapes.js").Vec3} */ (vectorIn(properties, "Color", [1, 1, 1]));
-    return [{ ...OMNI, at, far: isFar, color, isRelative: true }];
+    const at = vectorAt(world, isFar ? 4 : 12); // lamps shine along -Y
+    const radiance = (stated("Intensity", 100) / 100) * strengthOf(scene, type, stated("DecayType"), Math.hypot(...at.map((value, i) => value - (middle[i] ?? 0))));
+    const color = /** @type {import("./shapes.js").Vec3} */ (vectorIn(properties, "Color", [1, 1, 1]).map((value) => Math.max(value * radiance, 0) || 0));
+    if (type !== SPOT && type !== AREA) return [{ ...OMNI, at, far: isFar, color }];
+    const down = vectorAt(world, 4);
+    const axis = /** @type {import("./shapes.js").Vec3} */ (down.map((value) => -value / (Math.hypot(...down) || 1)));
+    const outer = Math.cos((stated("OuterAngle", 45) * Math.PI) / 360);
+    const blend = 1 - stated("InnerAngle") / Math.max(stated("OuterAngle", 45), 1e-3); // Blender's is a part of the cosine
+    const inner = Math.max(scene.isBlenders ? outer + (1 - outer) * blend : Math.cos((stated("InnerAngle") * Math.PI) / 360), outer + 1e-3);
+    return [{ at, far: isFar, color, axis, cosines: /** @type {[number, number]} */ (type === SPOT ? [outer, inner] : [0, 1]) }];
   });
 }
+
+/** Returns the radiance that a lamp of 100 % gives a white surface at a distance in metres. @param {Scene} scene @param {number} type @param {number} decay @param {number} away */
+function strengthOf(scene, type, decay, away) {
+  if (type === DIRECTIONAL) return scene.isBlenders ? 1 / Math.PI : 1;
+  const square = Math.max(away, 1e-3) ** 2;
+  if (scene.isBlenders) return (type === AREA ? 1 / Math.PI : 1 / (4 * Math.PI)) / (Math.PI * square);
+  const unit = numberIn(scene.settings, "UnitScaleFactor", 1) / CENTIMETRES;
+  if (type === AREA) return unit ** 2 / (Math.PI * square); // a square with a side of one unit
+  return decay === QUADRATIC ? unit ** 2 / square : 1;
+}
+
+/** Returns three values of a matrix as a vector. @param {number[]} matrix @param {number} first */
+const vectorAt = (matrix, first) => /** @type {import("./shapes.js").Vec3} */ ([0, 1, 2].map((i) => matrix[first + i] ?? 0));
 
 /** Returns the view through the file's default or first perspective camera. @param {Scene} scene @param {import("./shapes.js").Vec3} low @param {import("./shapes.js").Vec3} high */
 function cameraOf(scene, low, high) {

@@ -1,13 +1,14 @@
 /** The noise of the live view, and its target noise, measured as a job's. */
 
 import { h } from "../base/dom.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** What a view says before its first picture, as long as nothing else is known. */
 export const PREPARING = t("Preparing the view …");
 /** Relative noise levels; the second is the default. */
 const LEVELS = [0.05, 0.02, 0.01];
 const DEFAULT = 0.02;
+const MOST = 256; // samples a pixel of a view
 const KEY = "rayfarm-view-noise";
 
 /**
@@ -18,11 +19,20 @@ const KEY = "rayfarm-view-noise";
  * @param {boolean} [isDenoised] whether the noise is not seen
  */
 export function clarity(mean, noise, isDone, isPreview = false, isDenoised = false) {
-  const samples = t("{n} spp", { n: mean < 10 ? Number(mean.toPrecision(2)) : Math.round(mean) });
-  if (isPreview) return mean ? t("Preview, {samples} rendered …", { samples }) : t("Preview, rendering …");
+  const n = mean < 1 ? Number(mean.toPrecision(1)) : Math.round(mean);
+  const all = isDone ? 0 : samplesFor(mean, noise);
+  const samples = all > n ? t("{n} of about {all} samples", { n, all }) : tn(n, "{n} sample", "{n} samples");
+  if (isPreview) return mean ? t("Preview, {samples}", { samples }) : t("Preview, rendering …");
   if (!mean) return t("Waiting for the first samples …");
   const left = isDenoised ? t("denoised") : noise === null ? "" : t("{noise} noise", { noise: percent(noise) });
   return [samples, left, isDone && t("done")].filter(Boolean).join(", ");
+}
+
+/** Returns about how many samples a pixel the selected level takes; 0: unknown. @param {number} mean @param {number | null} noise of so many */
+function samplesFor(mean, noise) {
+  const level = read();
+  if (!level) return MOST;
+  return noise === null ? 0 : Math.min(Number((mean * (noise / level) ** 2).toPrecision(1)), MOST);
 }
 
 /** @param {number} noise */

@@ -8,13 +8,13 @@ import { cameraFields } from "../forms/camera-fields.js";
 import { isLightless } from "../base/light-words.js";
 import { fill, h, setText } from "../base/dom.js";
 import { scenes, workers } from "../news/farm.js";
-import { compact, noiseText, roughly } from "../base/format.js";
+import { compact, noiseText, timeRange } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { mayChange, readOnlyReason } from "../news/projects.js";
 import { openMore } from "../forms/environment-fields.js";
 import { qualityFields } from "../forms/quality-fields.js";
 import { queueFold } from "../forms/queue-fold.js";
-import { expected, steadySpeeds } from "../forms/render-presets.js";
+import { expected, steadyRanges, steadySpeeds } from "../forms/render-presets.js";
 import { shotFields } from "../shot/shot-fields.js";
 import { settingFields } from "../forms/setting-fields.js";
 import { sizeFields } from "../forms/size-fields.js";
@@ -59,6 +59,7 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
   /** The latest state of the scene, whose measurements are updated by each picture. */
   const known = () => scenes.value?.find(({ id }) => id === scene.id) ?? scene;
   const steady = steadySpeeds();
+  const ranges = steadyRanges();
   /** @param {number} spp */
   const expect = (spp) => {
     const { width, height } = parts.size.get();
@@ -88,7 +89,7 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     quality.update();
     const { size, shot } = parts;
     const expectation = expect(quality.get());
-    setText(estimate, costOf(size.get(), quality.get(), shot.count(), expectation));
+    setText(estimate, costOf(size.get(), quality.get(), shot.count(), expectation, (seconds) => ranges(`${quality.get()}`, seconds)));
     denoise.hidden = !canDenoise(workers.value);
     if (!isDenoiseChosen) clean.checked = shot.count() === 1 && isViewDenoised(); // a still looks as the view does
     estimate.classList.toggle("long", (expectation.seconds ?? 0) > LONG_S);
@@ -187,9 +188,10 @@ function showFirstProblem(form) {
  * @param {number} spp
  * @param {number} frames
  * @param {{seconds: number | null, noise: number | null}} expectation
+ * @param {(seconds: number) => [number, number]} range of a time
  * @returns {string} a sentence
  */
-function costOf({ width, height }, spp, frames, { seconds, noise }) {
+function costOf({ width, height }, spp, frames, { seconds, noise }, range) {
   const all = workers.value ?? [];
   const slots = tn(
     all.reduce((sum, worker) => sum + worker.slots, 0),
@@ -199,5 +201,5 @@ function costOf({ width, height }, spp, frames, { seconds, noise }) {
   const cost = t("{n} samples", { n: compact(width * height * spp * frames) });
   if (!all.length) return t("{cost}. They wait for a worker.", { cost });
   if (seconds === null) return t("{cost} on {slots}. How long that takes is known once they have rendered something.", { cost, slots });
-  return t("{cost}, {time} on {slots}", { cost, time: roughly(seconds), slots }) + (noise === null ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);
+  return t("{cost}, {time} on {slots}", { cost, time: timeRange(...range(seconds)), slots }) + (noise === null ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);
 }

@@ -5,6 +5,12 @@
 /** @type {Take | null} */
 let lightReceiver = null;
 
+/** A file for the next receiver. @type {File | null} */
+let held = null;
+
+/** Passes a file to the view that is opened next. @param {File} file */
+export const holdLight = (file) => void (held = file);
+
 /** Images that are always an environment if dropped alone. */
 const LIGHTS = /\.(exr|hdr)$/i;
 /** Images that may be an environment, but are textures if dropped with a scene. */
@@ -15,6 +21,8 @@ export const LIGHT_FILES = ".exr,.hdr,.png,.jpg,.jpeg,.tif,.tiff,.webp";
 /** @param {Take} take @returns {() => void} unregisters it */
 export function registerLightReceiver(take) {
   lightReceiver = take;
+  if (held) queueMicrotask(take.bind(null, held));
+  held = null;
   return () => {
     if (lightReceiver === take) lightReceiver = null;
   };

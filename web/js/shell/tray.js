@@ -111,20 +111,20 @@ export function showError(title, error, { remedy, action, ofPage = false, brief 
 }
 
 /**
- * A notification with an action; it stays until it is used or dismissed.
+ * A notification with actions; it stays until one is used, or it is dismissed.
  *
  * @param {string} sentence
- * @param {{label: string, run: () => void}} action
+ * @param {{label: string, run: () => void}[]} actions
  */
-export function showActionNotice(sentence, { label, run }) {
+export function showActionNotice(sentence, ...actions) {
   const card = new Card(sentence);
   announce(sentence);
   card.onClose(() => card.remove());
-  const follow = () => {
+  const follow = (/** @type {() => void} */ run) => {
     card.remove();
     run();
   };
-  card.actions.prepend(h("button", { class: "text-button", type: "button", onclick: follow }, label));
+  card.actions.prepend(...actions.map(({ label, run }) => h("button", { class: "text-button", type: "button", onclick: () => follow(run) }, label)));
 }
 
 /** Actions that can still be undone, latest last. @type {(() => void)[]} */

@@ -7,7 +7,7 @@ import { adoptScene, scenes } from "../news/farm.js";
 import { bytes, clock } from "../base/format.js";
 import { notUploadedTitle, titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
-import { areImages, hasLight, offerLight } from "./light-drop.js";
+import { areImages, hasLight, holdLight, offerLight } from "./light-drop.js";
 import { arrive } from "../news/arriving.js";
 import { addEnvironment } from "../news/environments.js";
 import { said } from "../base/said.js";
@@ -288,8 +288,17 @@ function explainImages(files) {
       (error) => showError(t("{name} was not taken", { name }), error),
     );
   };
+  const scene = scenes.value?.find(({ status }) => status === "ready");
+  const lighting = [];
+  if (isLight && scene) {
+    const light = () => {
+      holdLight(file);
+      go("scenes", scene.id);
+    };
+    lighting.push({ label: t("Light “{scene}” with it", { scene: scene.name }), run: light });
+  }
   if (isLight) {
-    showActionNotice(t("{name} can light a scene: open one, and drop it there.", { name }), { label: t("Add it to the lights"), run: keep });
+    showActionNotice(t("{name} can light a scene: open one, and drop it there.", { name }), ...lighting, { label: t("Add it to the lights"), run: keep });
     return;
   }
   showError(

@@ -26,7 +26,7 @@ function unreachable({ start }) {
   return h(
     "div",
     { class: "add-machine stack tight" },
-    h("p", null, t("Only this machine reaches the farm.")),
+    h("p", null, t("Other machines cannot reach this farm yet.")),
     ...(start
       ? [
           h("p", { class: "quiet" }, t("Stop it, and start it like this where you started it. This page then shows the command for other machines.")),

@@ -151,7 +151,7 @@ function dropZone() {
     "section",
     { class: "drop-zone for-submit", "aria-labelledby": "drop-title" },
     icon("upload"),
-    h("h2", { id: "drop-title" }, t("Drop a scene anywhere on this page")),
+    h("h2", { id: "drop-title" }, matchMedia("(pointer: coarse), (max-width: 560px)").matches ? t("Open a scene") : t("Drop a scene anywhere on this page")),
     h(
       "p",
       { class: "quiet" },

@@ -85,8 +85,8 @@ export function machineCard() {
     chip.update(state);
     const draining = busy ? tn(busy, " {n} slot still finishes what it has in hand.", " {n} slots still finish what they have in hand.") : "";
     setText(why, worker.state === "paused" ? `${saidOf(worker, "message")}${draining}` : "");
-    const now = worker.speeds?.at(-1);
-    setText(speed, now == null ? "–" : now === 0 && !busy ? t("Idle") : t("{n} samples/s", { n: compact(now) }));
+    const now = speedOf(worker);
+    setText(speed, now ? t("{n} samples/s", { n: compact(now) }) : busy ? "–" : t("Idle"));
     const most = Math.max(0, ...(worker.speeds ?? []));
     setText(peak, most ? t("Last hour, up to {n}/s", { n: compact(most) }) : t("Last hour"));
     line.update(worker.speeds ?? []);
@@ -128,6 +128,9 @@ export function machineCard() {
     update,
   };
 }
+
+/** Returns the samples per second of a machine's slots that render now; 0: none does. @param {Worker} worker */
+export const speedOf = ({ current, samples_per_s: ofSlot }) => ofSlot * current.filter(({ batch, compiling }) => batch && !compiling).length;
 
 /**
  * Shows the graphics cards of a machine: those that render, and why others do not.

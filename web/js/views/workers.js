@@ -8,7 +8,7 @@ import { command, emptyState } from "../shell/hints.js";
 import { setTitle } from "../shell/router.js";
 import { Disposer } from "../base/store.js";
 import { addMachine } from "./add-machine.js";
-import { machineCard } from "./machine.js";
+import { machineCard, speedOf } from "./machine.js";
 import { may } from "../news/session.js";
 import { sharesSection } from "./shares-section.js";
 import { sitesLines } from "./sites-lines.js";
@@ -56,7 +56,7 @@ export function workersView() {
       show(all);
       list.hidden = all.length === 0;
       const slots = all.reduce((sum, w) => sum + w.slots, 0);
-      const speed = all.reduce((sum, w) => sum + (w.speeds?.at(-1) ?? 0), 0);
+      const speed = all.reduce((sum, w) => sum + speedOf(w), 0);
       setText(
         summary,
         all.length
