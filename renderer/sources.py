@@ -57,6 +57,7 @@ ARRAYS = (
     "formats.py",
     "frames.py",
     "presets.py",
+    "preview_mesh.py",
     "variation.py",
     "zips.py",
     "blender",
@@ -68,6 +69,7 @@ ARRAYS = (
     "image/ocio.py",
     "image/openimageio.py",
     "image/read.py",
+    "image/rgbe9995.py",
     "image/unread.py",
     "image/tonemap.py",
 )

@@ -16,8 +16,8 @@ from tests.helpers import ROOT, Farm
 from tests.page.node import Node
 
 HEADINGS = {
-    "de-AT": ("Szene irgendwo auf diese Seite ziehen", "Rendern", "Speichern", "Jobs", "de"),
-    "zh-CN": ("将场景拖到页面任意位置", "渲染", "保存", "作业", "zh-Hans"),
+    "de-AT": ("Szene öffnen", "Rendern", "Speichern", "Jobs", "de"),
+    "zh-CN": ("打开场景", "渲染", "保存", "作业", "zh-Hans"),
 }
 # The example scene's name, which is the same in every language.
 NAME = "Spheres"
@@ -158,7 +158,7 @@ def test_language_menu_changes_language_permanently(farm: Farm, foreign_page: tu
     expect(page.get_by_role("heading", name=HEADINGS[locale][0])).to_be_visible()
     page.locator(".more-button").click()
     page.locator(".language select").select_option("en")
-    expect(page.get_by_role("heading", name="Drop a scene anywhere")).to_be_visible()
+    expect(page.get_by_role("heading", name="Open a scene")).to_be_visible()
     page.reload()
-    expect(page.get_by_role("heading", name="Drop a scene anywhere")).to_be_visible()
+    expect(page.get_by_role("heading", name="Open a scene")).to_be_visible()
     expect(page.locator("html")).to_have_attribute("lang", "en")
