@@ -309,7 +309,7 @@ def test_late_job_is_reported_while_running(told: Service, receiver: Receiver, m
     monkeypatch.setattr(deadlines, "RELIABLE_AFTER_S", 0.5)
     soon = datetime.now(UTC) + timedelta(hours=1)
     with told.worker() as worker:
-        worker.on_batch = lambda batch: time.sleep(0.05)
+        worker.on_batch = lambda batch: time.sleep(0.2 * batch.count)  # larger batches take longer
         job = told.submit(told.ready_scene(), spp=100_000, deadline=soon.isoformat())
         until(lambda: told.job(job)["late"] is not None, "it is late", 60, lambda: told.job(job))
         until(lambda: len(receiver.got) == 1, "the hook is told")
