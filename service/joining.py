@@ -20,7 +20,7 @@ _COMPOSE = "docker compose"
 
 @dataclass(frozen=True)
 class Joining:
-    """How workers join this farm. Commands are for a POSIX shell.
+    """The commands with which workers join this farm, for a POSIX shell.
 
     url: for other machines; None if the settings name none that they reach. start: starts the farm for other machines; None if
     they reach it already, or the command is unknown. token: prints a new token for a worker; `here` starts a worker: both run on

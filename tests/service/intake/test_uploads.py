@@ -108,7 +108,7 @@ def test_archive_names_its_scene(service: Service) -> None:
 
 
 def test_zip_in_a_zip_without_scene_is_unpacked(service: Service) -> None:
-    """As many models are offered for download: source/NAME.zip, and textures beside."""
+    """A common layout of downloaded models: source/NAME.zip beside a folder of textures."""
     inner = zip_bytes({"cube.obj": OBJ, "__MACOSX/._cube.obj": b"x"})
     answer = post(service, [("model.zip", zip_bytes({"source/cube.zip": inner, "textures/wood.png": b"wood"}))])
     assert files_of(service, answer) == {"source/cube/cube.obj": OBJ, "textures/wood.png": b"wood"}

@@ -118,7 +118,7 @@ export async function readMesh(body) {
   const reader = body.getReader();
   let bytes = new Uint8Array(1 << 20);
   let filled = 0;
-  /** Reads until so many bytes are here. @param {number} end */
+  /** Reads until at least `end` bytes have arrived. @param {number} end */
   const readTo = async (end) => {
     while (filled < end) {
       const { done, value } = await reader.read();

@@ -3,7 +3,7 @@
 import { h } from "../base/dom.js";
 import { t, tn } from "../base/words.js";
 
-/** What a view says before its first picture, as long as nothing else is known. */
+/** State of a view before its first picture. */
 export const PREPARING = t("Preparing the view …");
 /** Relative noise levels; the second is the default. */
 const LEVELS = [0.05, 0.02, 0.01];
@@ -28,7 +28,7 @@ export function clarity(mean, noise, isDone, isPreview = false, isDenoised = fal
   return [samples, left, isDone && t("done")].filter(Boolean).join(", ");
 }
 
-/** Returns about how many samples a pixel the selected level takes; 0: unknown. @param {number} mean @param {number | null} noise of so many */
+/** Returns the estimated samples per pixel of the selected level; 0: unknown. @param {number} mean samples per pixel so far @param {number | null} noise after these */
 function samplesFor(mean, noise) {
   const level = read();
   if (!level) return MOST;

@@ -6,7 +6,7 @@ import { t } from "../base/words.js";
 import { autoExposure, darkness } from "../film/darkness.js";
 import { probe } from "./probe.js";
 
-/** Of a picture: exactly black for a reason yet unknown, or since the camera sees no surface, or since no light reaches those it sees. @typedef {"" | "black" | "empty" | "unlit"} Blackness */
+/** State of a picture: not black; exactly black for an unknown reason; black since the camera sees no surface; black since no light reaches what it sees. @typedef {"" | "black" | "empty" | "unlit"} Blackness */
 
 /** Stops by which a picture has to be too dark for an offer. */
 const DULL_STOPS = 2;

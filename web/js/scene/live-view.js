@@ -186,7 +186,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let lookedAt = -Infinity;
 
   const pictureId = () => Number(surface.dataset.view);
-  /** Whether the view's picture is of another projection, which nothing turns into the present one. */
+  /** Whether the view's picture has another projection, from which the present one cannot be computed. */
   const isOutdated = () => {
     const of = requests.get(pictureId());
     return of !== undefined && projectionOf(of.view) !== projectionOf(form.view());

@@ -19,9 +19,9 @@ import { aroundTexture, fillTexture, tablesOf, whiteTexture } from "./mesh-textu
 /** @typedef {import("../news/mesh-packet.js").MeshPart} MeshPart */
 
 const MAX_RATIO = 2;
-/** How much of the light no other surface keeps away, about. */
+/** Approximate share of the light that other surfaces do not occlude. */
 const OPEN = 0.93;
-/** How much darker the floor is below a scene that stands on it. */
+/** Share of the light that a scene on the floor keeps from it. */
 const SHADED = 0.55;
 /** Texture units of the mesh: the projected picture has 1 to 4 (kept-picture.js). */
 const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8 };

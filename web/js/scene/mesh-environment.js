@@ -8,7 +8,7 @@ import { decode } from "../film/rgb9e5.js";
 /** Rows of the first level, which is not blurred, and the number of levels; the last one is of roughness 1. */
 const HEIGHT = 64;
 export const LEVELS = 5;
-/** Of a lobe's kernel, below which it is left out. */
+/** Weight of a lobe's kernel below which a texel is left out. */
 const NEGLIGIBLE = 0.002;
 const COEFFICIENTS = 9; // of spherical harmonics
 
@@ -143,7 +143,7 @@ function halved(texels, width) {
  */
 function blurred(source, width, height, roughness) {
   const alpha2 = roughness ** 4;
-  /** By the cosine of the angle between the light and the mirror direction. @param {number} cosine */
+  /** Returns the lobe's weight for the cosine of the angle between the light and the mirror direction. @param {number} cosine */
   const kernel = (cosine) => {
     const d = 1 - (0.5 * (1 + cosine)) * (1 - alpha2); // the half vector's squared cosine is (1 + cosine) / 2
     return cosine > 0 ? cosine * (alpha2 / d) ** 2 : 0;
@@ -182,7 +182,7 @@ function withAlpha(texels) {
 
 /** Returns the first nine spherical harmonics at a direction. @param {Vec3} way */
 const harmonics = ([x, y, z]) => [0.282095, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z, 0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y)];
-/** Of the cosine lobe, divided by pi, by the band. */
+/** Coefficients of the cosine lobe, divided by pi, for each band. */
 const LOBE = [1, 2 / 3, 2 / 3, 2 / 3, 1 / 4, 1 / 4, 1 / 4, 1 / 4, 1 / 4];
 
 /** Returns irradiance by spherical harmonics. Source: Ramamoorthi and Hanrahan 2001. @param {Float32Array} texels @param {number} height */

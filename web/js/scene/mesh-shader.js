@@ -33,7 +33,7 @@ vec3 received(vec3 n) {
 const LIGHT_GLSL = `
 uniform vec4 eye; // its place, with 1, or of an orthographic camera the direction to it, with 0
 uniform vec3 extent;
-uniform float unhidden; // how much of the light no other surface keeps away, about
+uniform float unhidden; // approximate share of the light that other surfaces do not occlude
 uniform vec3 above;
 uniform float shaded; // how much darker the floor is below the scene
 #ifdef LAMPS
