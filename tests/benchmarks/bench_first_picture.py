@@ -35,7 +35,7 @@ SEEN = """() => {
     model: [...document.querySelectorAll("canvas.mesh")].some((canvas) => canvas.dataset.drawn && !canvas.hidden)
       || Boolean(view?.style.backgroundImage),
     samples: view?.dataset.view !== undefined,
-    whole: Number.parseFloat(document.querySelector(".view-state")?.textContent ?? "") >= 1,
+    whole: Number(/\\d[\\d.]*/.exec(document.querySelector(".view-state")?.textContent ?? "")?.[0]) >= 1,
   };
 }"""
 

@@ -124,7 +124,8 @@ export function showActionNotice(sentence, ...actions) {
     card.remove();
     run();
   };
-  card.actions.prepend(...actions.map(({ label, run }) => h("button", { class: "text-button", type: "button", onclick: () => follow(run) }, label)));
+  const buttons = actions.map(({ label, run }) => h("button", { class: "text-button", type: "button", onclick: () => follow(run) }, label));
+  fill(card.body, h("div", { class: "row wraps detail" }, buttons)); // below the sentence, which needs the card's width
 }
 
 /** Actions that can still be undone, latest last. @type {(() => void)[]} */
