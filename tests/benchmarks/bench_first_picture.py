@@ -3,8 +3,8 @@
     python3 farm.py bench first_picture [--cold] [--rounds 3] [FILE or "Still life" ...]
 
 Columns, in seconds: first contentful paint of the front page; then, from the moment a file is chosen (or an example opened), the
-model drawn by WebGL or the example's picture, the first path-traced samples, and the whole picture: one sample per pixel on
-average. Without files: a generated GLB of 1,000 and one of a million triangles, and the example Still life. Warm: kernels are in
+model drawn by WebGL or the example's picture, the first path-traced samples, and the whole picture: a sample in every
+pixel. Without files: a generated GLB of 1,000 and one of a million triangles, and the example Still life. Warm: kernels are in
 the cache, and the farm waits; --cold: a farm starts with an empty kernel cache before each file. Each round has a new browser
 profile.
 """
@@ -35,7 +35,7 @@ SEEN = """() => {
     model: [...document.querySelectorAll("canvas.mesh")].some((canvas) => canvas.dataset.drawn && !canvas.hidden)
       || Boolean(view?.style.backgroundImage),
     samples: view?.dataset.view !== undefined,
-    whole: Number(/\\d[\\d.]*/.exec(document.querySelector(".view-state")?.textContent ?? "")?.[0]) >= 1,
+    whole: Number(view?.dataset.samples) >= 1,
   };
 }"""
 
