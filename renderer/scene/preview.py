@@ -276,7 +276,7 @@ def _rings(radii: F64, max_triangles: int) -> list[int]:
 
 @cache
 def _ball(rings: int) -> _Shape:
-    """Returns a unit sphere of twice as many triangles around as rings."""
+    """Returns a unit sphere of `rings` rings, each of 2 * `rings` segments."""
     polar = np.linspace(0.0, np.pi, rings + 1)
     around = np.linspace(0.0, 2.0 * np.pi, 2 * rings, endpoint=False)
     theta, phi = (each.reshape(-1) for each in np.meshgrid(polar, around, indexing="ij"))

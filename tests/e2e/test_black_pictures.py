@@ -26,7 +26,7 @@ shapes:
 
 
 def test_black_view_says_before_its_first_samples_that_the_camera_sees_nothing(farm: Farm, watched: Watched) -> None:
-    """Where the scene is outside the camera's pyramid of view, no sample is needed to know why its picture is black."""
+    """The page explains a black picture before any sample if the scene's bounds lie outside the camera's view."""
     page = watched.page
     sent = httpx.post(f"{farm.url}/api/scenes", files={"files": ("behind.yaml", SCENE.replace("Behind", "Behind at once"))})
     scene = sent.raise_for_status().json()["id"]

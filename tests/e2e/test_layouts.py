@@ -26,7 +26,7 @@ def test_layout_is_saved_and_shown_on_another_page(many: Service, watched: Watch
     page.goto(f"{many.url}/#/jobs")
     page.locator(".job-row a.name").first.click()
     side, tab = page.locator("aside.side"), page.get_by_role("tab", selected=True)
-    edge = page.get_by_role("separator", name="Width of the side")
+    edge = page.get_by_role("separator", name="Sidebar width")
     usual = (side.bounding_box() or {})["width"]
     edge.focus()
     for _ in range(4):
@@ -46,7 +46,7 @@ def test_layout_is_saved_and_shown_on_another_page(many: Service, watched: Watch
     choose(page, "Layout: Review")
     expect(tab).to_have_text("Info")
     expect(page.get_by_text("+0.5 EV")).to_have_count(1)
-    choose(page, "Hide the side")
+    choose(page, "Hide the sidebar")
     expect(side).to_be_hidden()
 
     page.goto(f"{many.url}/#/workers")

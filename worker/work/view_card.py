@@ -55,7 +55,7 @@ def _render_and_send(
     render: Render[T],
     send: Callable[[ViewAnswers, ViewParts, Block, T, float], None],
 ) -> float:
-    """Does what `render_view_on_card` does. render: as for `render_blocks`. send: sends what it returned of a block."""
+    """Renders and answers as `render_view_on_card` states. render: as for `render_blocks`. send: sends its result for a block."""
     answering = ViewAnswers(worker, work)
     if not answering.is_wanted():
         return 0.0

@@ -52,7 +52,7 @@ def test_share_link_shows_job_without_account(people: People) -> None:  # noqa: 
 
 
 def test_link_has_few_pictures_denoised(people: People, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
-    """Those that are stored already are not counted. Without the limit, each frame of a shot could be denoised by anybody."""
+    """A link may have a limited number of pictures denoised; stored ones are not counted."""
     secret, _ = new_link(people.anna, people.ids["job"])
     stored: list[ArtifactResult | None] = [None]
     monkeypatch.setattr(share_links, "MAX_DENOISED", 2)

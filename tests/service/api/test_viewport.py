@@ -242,7 +242,7 @@ def test_cards_draft_a_view_while_it_moves(service: Service, worker: PeerWorker,
             until(lambda: service.farm.views._cards.accepting("test-kind"), "the card is known")
             viewer.show(1, spp=2)
             viewer.wait(1, 2)
-            assert not viewer.drafts, "nobody asked for one, and the card's speed is not known before"
+            assert not viewer.drafts, "a view that requests no draft gets none"
             for id in range(2, 5):
                 viewer.show(id, spp=32, seed=3, draft=1.5)
                 if trouble == "none":

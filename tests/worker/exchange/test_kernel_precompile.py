@@ -78,7 +78,7 @@ def test_cached_kernels_are_not_compiled_again(
 
 @pytest.fixture
 def process(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Lets this process be the one that compiles both kernels. Returns the list of what it does."""
+    """Makes this process compile both kernels. Returns the list of its steps."""
     done: list[str] = []
     monkeypatch.setattr(sys, "argv", ["ahead", "--service=http://127.0.0.1:9", "--kernels=plain,full"])
     monkeypatch.setattr(kernel_precompile.logs, "set_up", lambda: None)

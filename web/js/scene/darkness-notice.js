@@ -87,7 +87,7 @@ export function darknessNotice({ film, look, size, pick, isPicking, mayShow, bri
      * Looks for the reason of a picture that is exactly black.
      *
      * @param {number} id of the view
-     * @param {boolean} isSure whether it has so many samples that light of few paths would have been found
+     * @param {boolean} isSure whether it has enough samples to have found light that only rare paths reach
      */
     explain(id, isSure) {
       if (!film().isBlack()) return endBlackness();

@@ -418,7 +418,7 @@ const isPlain = (material) => !material.unlit && material.coat === 0 && material
 /** @param {Vec3} vector @returns {Vec3} */
 const unit = (vector) => /** @type {Vec3} */ (vector.map((value) => value / (Math.hypot(...vector) || 1)));
 
-/** Returns the middle of some corners of a part, relative to the mesh's, their longest extent, and whether the part has so many triangles, with normals, that it is shaded at its vertices. @param {MeshPacket} mesh @param {MeshPart} part @returns {{middle: Vec3, size: number, isDense: boolean}} */
+/** Returns a part's approximate centre, relative to the mesh's, its longest extent, and whether it is shaded at its vertices: it has more than DENSE corners, and normals. @param {MeshPacket} mesh @param {MeshPart} part @returns {{middle: Vec3, size: number, isDense: boolean}} */
 function placeOf({ positions, normals, indices, low, high }, { first, corners }) {
   const step = Math.max(1, Math.floor(corners / SAMPLED));
   const sum = [0, 0, 0];

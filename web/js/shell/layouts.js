@@ -160,7 +160,7 @@ export function saveLayout() {
       },
       h("h2", null, t("Save layout")),
       h("div", { class: "field" }, h("label", { for: name.id }, t("Name")), name),
-      h("p", { class: "quiet small" }, t("The side, its open tab and sections, the strips, exposure, tone curve and channel. Ctrl+K finds it.")),
+      h("p", { class: "quiet small" }, t("The sidebar, its open tab and sections, the strips, exposure, tone curve and channel. Ctrl+K finds it.")),
       h("div", { class: "row" }, h("button", { class: "button primary", type: "submit" }, t("Save")), h("button", { class: "button", type: "button", onclick: () => dialog.close() }, t("Cancel"))),
     ),
   );
@@ -181,7 +181,7 @@ export function layoutCommands() {
     ...names.map((name) => command(t("Layout: {name}", { name }), () => applyLayout(saved[name] ?? DEFAULT))),
     command(t("Layout: {name}", { name: t("Default") }), () => applyLayout(DEFAULT)),
     command(t("Save layout …"), saveLayout),
-    command(hasSide ? t("Hide the side") : t("Show the side"), () => frame.update((now) => ({ ...now, hasSide: !hasSide }))),
+    command(hasSide ? t("Hide the sidebar") : t("Show the sidebar"), () => frame.update((now) => ({ ...now, hasSide: !hasSide }))),
     command(hasStrips ? t("Hide the strips of takes and pictures") : t("Show the strips of takes and pictures"), () => frame.update((now) => ({ ...now, hasStrips: !hasStrips }))),
     ...names.map((name) => command(t("Delete layout: {name}", { name }), () => (keep(name, null), announce(t("Layout {name} deleted", { name }))))),
   ];
@@ -201,8 +201,8 @@ export function sideEdge(side, life) {
     role: "separator",
     tabindex: "0",
     "aria-orientation": "vertical",
-    "aria-label": t("Width of the side"),
-    title: t("Drag to change the width; double-click to hide or show the side"),
+    "aria-label": t("Sidebar width"),
+    title: t("Drag to change the width; double-click to hide or show the sidebar"),
     ...{ "aria-valuemin": 0, "aria-valuemax": MOST },
     ondblclick: toggle,
   });
