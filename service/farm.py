@@ -46,6 +46,7 @@ from service.store.kernels import KernelStore
 from service.store.models import FINAL_STATES, Job
 from service.store.reserve import Reserve
 from service.viewing.explaining import PixelExplainer
+from service.viewing.posters import Posters
 from service.viewing.presence import SceneVisitors
 from service.viewing.view_scheduler import ViewScheduler
 from service.watching.broadcast import Broadcast
@@ -88,7 +89,7 @@ class Farm:
         self._assemble_maintenance(settings)
         self._assemble_delivery(settings)
         self._parts = (
-            *(self.engine, self.views, self.retention, self.taint, self.scrubber),
+            *(self.engine, self.views, self.posters, self.retention, self.taint, self.scrubber),
             *(self.frame_changes, self.outbox, self.redis_users),
         )
         self._inherited = threading.Timer(settings.prepare_deadline + 1.0, self.events.publish, [BlobsReleased(Counter())])
@@ -121,6 +122,9 @@ class Farm:
             viewing=(self.views, self.explaining),
         )
         self.lighting = Lighting(self.sessions, self.garbage, self.events)
+        self.posters = Posters(
+            self.sessions, self.blobs, self.garbage, self.views, board, self.events, renders=settings.idle_posters
+        )
         self.reuse = SampleReuse(self.sessions, self.films, board, settings.data, settings.min_free_bytes)
         usual = Limits(settings.quota_bytes, settings.quota_jobs, settings.quota_samples_day)
         self.quotas = Quotas(self.sessions, usual, self.films.size)

@@ -123,7 +123,7 @@ def farm_of(command: list[str], data: Path, cwd: Path, until: bytes = b"Ready", 
 
     Jobs do not reuse films, so that repeated jobs are rendered again.
     """
-    environment = {"RAYFARM_REUSE_FILMS": "false", **environment}
+    environment = {"RAYFARM_REUSE_FILMS": "false", "RAYFARM_IDLE_POSTERS": "false", **environment}
     log = data.parent / f"{data.name}-up.log"
     before = log.stat().st_size if log.exists() else 0  # of an earlier farm in this folder
     with log.open("ab") as out:

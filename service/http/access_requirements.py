@@ -90,6 +90,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/scenes/{id}"): VIEW,
     ("DELETE", "/api/scenes/{id}"): SUBMIT,
     ("GET", "/api/scenes/{id}/thumbnail.png"): VIEW,
+    ("GET", "/api/scenes/{id}/poster.jpg"): VIEW,
     ("GET", "/api/scenes/{id}/preview"): VIEW,
     ("GET", "/api/scenes/{id}/takes"): VIEW,
     ("POST", "/api/scenes/{id}/takes"): SUBMIT,

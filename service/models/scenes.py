@@ -60,6 +60,9 @@ class SceneOut(Coded):
     strict: bool = Field(description="whether warnings are errors, which `error` and `warnings` then list")
     defaults: dict[str, Any] = Field(description="render settings of the file, which jobs use if they set none")
     thumbnail: str | None = Field(description="URL of a small picture; null: none yet")
+    poster: str | None = Field(
+        default=None, description="URL of a sharp picture of the scene as its live view opens; null: none yet"
+    )
     preview: str | None = Field(
         default=None,
         description="a mesh to draw until there are samples; cameras, bounds and defaults come with it",

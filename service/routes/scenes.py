@@ -32,6 +32,11 @@ router = api_router(prefix="/api/scenes", tags=["scenes"])
 
 PREVIEW = {"content": {"application/octet-stream": {}}, "description": "the mesh"}
 THUMBNAIL = {"content": {"image/png": {}}, "description": "the picture"}
+POSTER = {"content": {"image/jpeg": {}}, "description": "the picture"}
+PosterVersion = Annotated[
+    str | None,
+    Query(min_length=8, max_length=64, description="beginning of the poster's digest, with which clients may cache it"),
+]
 UPLOAD_FORM = {
     "requestBody": {
         "required": True,
@@ -136,6 +141,19 @@ def thumbnail(id: str, request: Request, farm: FarmDependency) -> Response:
     if not ref:
         raise NotFound(Sentence("scene-without-thumbnail", "This scene has no thumbnail yet."))
     return _blob(ref, "image/png", request, farm)
+
+
+@router.get("/{id}/poster.jpg", response_class=Response, responses={200: POSTER, 304: {"description": "not changed"}})
+def poster(id: str, request: Request, farm: FarmDependency, v: PosterVersion = None) -> Response:
+    """Returns a sharp picture of the scene as its live view opens: the latest clear one of such a view."""
+    scene = find_scene(id, farm)
+    ref = (scene.info or {}).get("poster")
+    if not ref:
+        raise NotFound(Sentence("scene-without-poster", "This scene has no poster yet."))
+    response = _blob(ref, "image/jpeg", request, farm)
+    if v is not None and ref["sha256"].startswith(v):
+        response.headers["Cache-Control"] = "private, max-age=31536000, immutable"
+    return response
 
 
 @router.get("/{id}/preview", response_class=Response, responses={200: PREVIEW, 304: {"description": "not changed"}})

@@ -13,6 +13,7 @@ import contextlib
 import json
 import time
 from collections import deque
+from dataclasses import replace
 from typing import Annotated, Any
 
 from fastapi import WebSocket, WebSocketDisconnect
@@ -35,7 +36,7 @@ from service.models.jobs import JobIn, ViewModel
 from service.models.notes import MAX_AUTHOR
 from service.models.strict import Strict
 from service.viewing.session import ViewSession
-from service.viewing.view_request import ViewRequest, resolve_view
+from service.viewing.view_request import ViewRequest, resolve_view, shows_home
 
 __all__ = ["router"]
 
@@ -101,6 +102,7 @@ async def viewport(socket: WebSocket, id: str, farm: FarmDependency, visit: Visi
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
+        farm.posters.take(viewer.session)
         farm.views.close_session(viewer.session)
         farm.visitors.leave(viewer.person)
         try:
@@ -259,7 +261,8 @@ class _Viewer:
             self._held = row.id
         if row.status == "preparing":
             return None
-        return resolve_view(ask.id, request, row, ask.is_shot, ask.numbers()[0], ask.alpha, ask.draft)
+        view = resolve_view(ask.id, request, row, ask.is_shot, ask.numbers()[0], ask.alpha, ask.draft)
+        return replace(view, is_home=shows_home(view, row))
 
     def release(self) -> None:
         """Releases the scene that was derived for the current view's lighting, so that it can be deleted."""

@@ -72,6 +72,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         defaults=info.get("defaults", {}),
         preview=f"/api/scenes/{scene.id}/preview" if info.get("preview") else None,
         thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,
+        poster=f"/api/scenes/{scene.id}/poster.jpg?v={info['poster']['sha256'][:16]}" if info.get("poster") else None,
         project=scene.project or "",
     )
 

@@ -121,7 +121,7 @@ class Scene(Base):
 
     @property
     def blobs(self) -> set[str]:
-        """The hashes of the blobs that the scene refers to: files, Blender's export, compiled forms, thumbnail and preview.
+        """The hashes of the blobs that the scene refers to: files, Blender's export, compiled forms and pictures.
 
         Skips malformed references, so that a damaged row, or one of another release, does not block the deletion of others.
         """
@@ -131,8 +131,8 @@ class Scene(Base):
         blend = info.get("blend")
         written = blend.get("files") if isinstance(blend, dict) else None
         files = [*files, *(written if isinstance(written, list) else ())]
-        refs = [ref for ref in (*files, *compiled.values(), info.get("thumbnail"), info.get("preview")) if isinstance(ref, dict)]
-        return blobs_of(refs)
+        pictures = (info.get(name) for name in ("thumbnail", "preview", "poster"))
+        return blobs_of([ref for ref in (*files, *compiled.values(), *pictures) if isinstance(ref, dict)])
 
 
 class Job(Base):

@@ -134,12 +134,16 @@ class Canvas:
         sums[film.alpha_plane(0) :] = planes
         return np.rint(255 * film.alpha(sums, self.film_exponent, 0)).astype(np.uint8)
 
-    def means(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-        """Returns the means of colour, albedo and normal, each (h, w, 3), of a canvas with guides."""
+    def mean_color(self) -> npt.NDArray[np.float32]:
+        """Returns the mean colour, (h, w, 3)."""
         samples = np.maximum(self._samples.sum(0), 1)
         color = (self._color.sum(0) * (2.0**-self.film_exponent / samples)).astype(np.float32)
+        return np.moveaxis(color, 0, -1)
+
+    def means(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+        """Returns the means of colour, albedo and normal, each (h, w, 3), of a canvas with guides."""
         guides = self._guides[:6] / np.maximum(self._guides[6], 1)
-        return np.moveaxis(color, 0, -1), np.moveaxis(guides[:3], 0, -1), np.moveaxis(guides[3:], 0, -1)
+        return self.mean_color(), np.moveaxis(guides[:3], 0, -1), np.moveaxis(guides[3:], 0, -1)
 
     def _noise_of(self, tile: int) -> float:
         rows, columns = self._slices(tile)

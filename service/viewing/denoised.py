@@ -24,7 +24,10 @@ class DenoisedView:
     with noise are not, so that the view does not flicker.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, keeps: bool = False) -> None:
+        """Creates the state of a new view. keeps: whether the latest picture of the whole view is kept after it was shown."""
+        self._keeps = keeps
+        self.kept: tuple[npt.NDArray[np.uint32], float] | None = None  # RGB9E5 words (h, w), and mean samples per pixel
         self.means: bytes | None = None  # of the picture that is being denoised: colour, albedo, normal
         self.has_shown = False
         self.level = -1  # resolution level of the latest picture, or of the one that is being denoised
@@ -67,6 +70,8 @@ class DenoisedView:
             self._lost_until = now + LOST_S
         else:
             self._picture, self._samples = rgbe9995.unpack(words), self._asked
+            if self._keeps and self._asked:
+                self.kept = words, self._asked
 
     @property
     def has_picture(self) -> bool:

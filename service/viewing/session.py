@@ -11,19 +11,22 @@ import time
 import uuid
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from protocol.pictures import DraftHead, ViewTile, encode_draft, encode_view
 from protocol.viewport import Picked
 from renderer.film import Sums
+from renderer.image import rgbe9995
 from renderer.settings import RenderSettings
 from service.viewing.canvas import GUIDE_SAMPLES, Canvas
 from service.viewing.denoised import DenoisedView
 from service.viewing.passes import DraftSize, Passes, Piece, levels_of
 from service.viewing.view_request import ViewRequest
 
-__all__ = ["ViewSession"]
+__all__ = ["SettledPicture", "ViewSession"]
 
 SHOW_EVERY_S = 0.25  # while a picture is incomplete
 SHOW_CONVERGED_S = 2.0  # for a view that has been shown for long and changes slowly
@@ -31,6 +34,15 @@ MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this
 MIN_DRAFT_WAIT_S = 2.0  # the same until its draft has come
 DRAFT_REST_S = 0.1  # after a draft, without a request for another view, until the view is rendered
 MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
+
+
+class SettledPicture(NamedTuple):
+    """A picture of a view that a page may show later. scene: id of the uploaded scene. color: (h, w, 3), linear."""
+
+    scene: str
+    color: npt.NDArray[np.float32]
+    samples: float  # per pixel, on average
+    is_denoised: bool
 
 
 class ViewSession:
@@ -153,7 +165,7 @@ class ViewSession:
                 )
                 for level in levels
             ]
-            self._denoised = DenoisedView() if denoises else None
+            self._denoised = DenoisedView(keeps=self.request.is_home) if denoises else None
 
     def settings_of(self, level: int) -> RenderSettings:
         """Returns the render settings of a level: those of the view, with the level's width and height. level: its index."""
@@ -241,6 +253,28 @@ class ViewSession:
         """Returns True if a denoised picture of the view has been taken."""
         denoised = self._denoised
         return denoised is not None and denoised.has_shown
+
+    def settled_picture(self, min_samples: float, min_denoised: float) -> SettledPicture | None:
+        """Returns the latest picture of the whole view if it has so many samples per pixel; otherwise None.
+
+        min_samples: unless it is denoised, or complete. min_denoised: if it is denoised. A view that is denoised has no others,
+        and one with a transparent background has none.
+        """
+        with self._lock:
+            if self.request is None or not self._canvases or self.settings is None or self.settings.is_transparent:
+                return None
+            if self._denoised is not None:
+                kept = self._denoised.kept
+                if kept is None or kept[1] < min_denoised:
+                    return None
+                words, samples = kept
+            else:
+                canvas = self._canvases[-1]
+                if canvas.samples < min_samples and not canvas.is_complete:
+                    return None
+                return SettledPicture(self.request.upload, canvas.mean_color(), canvas.mean_samples, False)
+            upload = self.request.upload
+        return SettledPicture(upload, rgbe9995.unpack(words), samples, True)
 
     @property
     def samples(self) -> int:

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+import math
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from protocol.contract import FrameInfo, PrepareFrames
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
 from renderer.sentences import Sentence, with_full_stop
-from renderer.settings import OPTIONAL, RenderSettings
-from service.errors import Conflict, Invalid
+from renderer.settings import OPTIONAL, RenderSettings, View
+from renderer.work import DEFAULT_SIZE
+from service.errors import Conflict, FarmError, Invalid
 from service.intake.frame_view import requested_view
 from service.intake.resolve import frame_settings, resolve
+from service.models.jobs import JobIn
 from service.store.models import Job, Scene
 
-__all__ = ["MAX_PIXELS", "MAX_SAMPLES", "FrameRequest", "ViewRequest", "resolve_view"]
+__all__ = ["MAX_PIXELS", "MAX_SAMPLES", "FrameRequest", "ViewRequest", "home_view", "resolve_view", "shows_home"]
 
 MAX_PIXELS = 1 << 21  # the sums of a view are held in memory
 MAX_SAMPLES = 256
+HOME_PIXELS = 1280 * 720
+MAX_ASPECT_ERROR = 0.01  # relative: sizes are whole pixels
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
 
 
@@ -66,6 +71,7 @@ class ViewRequest:
     frame_request: FrameRequest | None = None  # None: the scene's first frame
     has_alpha: bool = False  # whether a transparent background is shown as such
     draft_exposure: float | None = None  # in stops, of drafts; None: the page shows none
+    is_home: bool = False  # whether it is the view that a page opens the scene with (`shows_home`)
 
     def settings_at_frame(self, info: FrameInfo) -> RenderSettings:
         """Returns the render settings for a prepared animation frame. Raises SettingsError if the frame's view is invalid."""
@@ -111,3 +117,42 @@ def resolve_view(
     upload, noise = scene.of or scene.id, request.get("noise")
     shown = has_alpha, draft_exposure
     return ViewRequest(id, upload, scene.id, settings, samples, compiled, request, noise, frame_request, *shown)
+
+
+def home_view(scene: Scene, samples: int = MAX_SAMPLES) -> ViewRequest:
+    """Returns the view that a page opens a ready scene with, of about HOME_PIXELS pixels and denoised.
+
+    It has the scene's first camera, its own light, and the settings of its file. Raises Conflict and Invalid.
+    """
+    defaults: dict[str, Any] = (scene.info or {}).get("defaults") or {}
+    width, height = (int(defaults.get(name) or usual) for name, usual in zip(("width", "height"), DEFAULT_SIZE, strict=True))
+    scale = math.sqrt(HOME_PIXELS / (width * height))
+    size = {"width": max(1, round(width * scale)), "height": max(1, round(height * scale))}
+    request = JobIn.model_validate({"scene": scene.id, "spp": samples, "denoise": True, **size})
+    view = resolve_view(0, request.model_dump(mode="json"), scene, is_shot=False, frame=0.0)
+    return replace(view, is_home=True)
+
+
+def shows_home(view: ViewRequest, scene: Scene) -> bool:
+    """Returns True if a view of a ready scene differs from `home_view` in size, samples and noise at most."""
+    shown = view.settings
+    cameras: list[dict[str, Any]] = (scene.info or {}).get("cameras") or []
+    if scene.of is not None or not cameras or shown.view != View.from_json(cameras[0]["view"]):
+        return False  # as for most requests, while the camera turns
+    try:
+        own = home_view(scene)
+    except FarmError:
+        return False
+    home = own.settings
+    error = shown.width * home.height / (shown.height * home.width) - 1.0
+    is_same = _what_is_seen(shown) == _what_is_seen(home) and _frame(view) == _frame(own)
+    return is_same and abs(error) <= MAX_ASPECT_ERROR + 1.0 / min(shown.width, shown.height)
+
+
+def _what_is_seen(settings: RenderSettings) -> RenderSettings:
+    return replace(settings, width=1, height=1, light_groups="", light_paths="off", cryptomatte=0, deep=0)
+
+
+def _frame(view: ViewRequest) -> FrameRequest | None:
+    """Returns the frame of a view without its camera, which the settings have."""
+    return None if view.frame_request is None else replace(view.frame_request, camera=None, view=None)

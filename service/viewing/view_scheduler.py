@@ -122,6 +122,10 @@ class ViewScheduler:
         sessions = list(self._sessions.values())
         return any(each.request is not None and not each.is_paused and not each.is_done for each in sessions)
 
+    def sessions(self) -> list[ViewSession]:
+        """Returns the sessions that have requested a view and are not closed."""
+        return [each for each in list(self._sessions.values()) if not each.is_closed]
+
     def request_view(self, session: ViewSession, request: ViewRequest) -> None:
         """Makes a session show a view, as soon as its current view has shown something."""
 

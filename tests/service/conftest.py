@@ -96,7 +96,8 @@ class Service:
 
     def __init__(self, data: Path, redis_server: running_redis, **settings: Any) -> None:
         _empty(redis_server)
-        own = {"batch_deadline": 2.0, "reuse_films": False}  # pictures are rendered, not reused from earlier tests
+        # Pictures are rendered, not reused from earlier tests, and nothing is rendered that the test has not requested.
+        own = {"batch_deadline": 2.0, "reuse_films": False, "idle_posters": False}
         self.options = {"data": data, "redis_url": redis_server.url, "token": TOKEN, **own, **settings}
         if not self.options.get("database_url"):
             place_database(data)

@@ -25,7 +25,8 @@ CPU_S = 1e-6
 def show(session: ViewSession, id: int, draft: DraftSize = WHOLE, denoises: bool = False, **settings: Any) -> None:
     """Begins to render view `id`."""
     own = replace(SETTINGS, **settings)
-    request: Any = SimpleNamespace(id=id, settings=own, samples=32, noise=None, has_alpha=True, draft_exposure=0.0)
+    about = {"samples": 32, "noise": None, "has_alpha": True, "draft_exposure": 0.0, "is_home": True, "upload": "a scene"}
+    request: Any = SimpleNamespace(id=id, settings=own, **about)
     session.switch_to(request, id)
     session.begin_rendering(own, "c", "k", CPU_S, 1, denoises, draft=draft)
 
@@ -126,3 +127,27 @@ def test_view_whose_draft_is_lost_is_rendered_without(session: ViewSession) -> N
     assert session.draft_size is None
     show(session, 2)
     assert session.draft_size is not None
+
+
+def test_settled_picture_is_the_latest_denoised_one_and_stays_after_it_was_shown(session: ViewSession) -> None:
+    show(session, 1, denoises=True)
+    add_samples(session, 0, 16)
+    assert session.settled_picture(1, 1) is None, "it is not denoised yet"
+    assert session.begin_denoising() == (96, 64)
+    session.end_denoising(rgbe9995.pack(np.full((64, 96, 3), 0.25, np.float32)).astype("<u4").tobytes())
+    session.take_packet(1)
+    found = session.settled_picture(100, 16)
+    assert found is not None and (found.scene, found.samples, found.is_denoised) == ("a scene", 16.0, True)
+    assert found.color.shape == (64, 96, 3) and np.allclose(found.color, 0.25)
+    assert session.settled_picture(1, 17) is None
+
+
+def test_settled_picture_of_view_without_denoiser_has_enough_samples(session: ViewSession) -> None:
+    show(session, 1)
+    add_samples(session, 0, 8)
+    assert session.settled_picture(16, 1) is None
+    add_samples(session, 8, 8)
+    found = session.settled_picture(16, 1)
+    assert found is not None and (found.samples, found.is_denoised) == (16.0, False)
+    show(session, 2, background="transparent")
+    assert session.settled_picture(0, 0) is None, "JPEG has no alpha"

@@ -34,6 +34,7 @@
  * @property {string} [main] path of the file that is read first
  * @property {{path: string, size: number}[]} [files] what was uploaded
  * @property {string | null} thumbnail URL
+ * @property {string | null} [poster] URL of a sharp picture of the view that its page opens with
  * @property {string | null} [preview] URL of a mesh; while the scene is prepared it comes with cameras, bounds and defaults
  * @property {Camera[]} cameras the last one frames the whole scene
  * @property {Record<string, number>} counts

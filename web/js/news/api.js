@@ -324,6 +324,9 @@ export const explainPixel = ({ job, frame }, x, y, sample, signal) =>
 /** @param {string} scene */
 export const thumbnailUrl = (scene) => `api/scenes/${scene}/thumbnail.png`;
 
+/** Returns the URL of a scene's poster; "" if it has none. @param {import("../base/types.js").Scene} scene */
+export const posterUrl = ({ poster }) => (poster ?? "").replace(/^\//, "");
+
 /**
  * @param {Place} place
  * @param {"png" | "exr" | "jpg" | "avif" | "jxl" | "rgb9e5"} format

@@ -24,7 +24,7 @@ import { meshPicture } from "./view-pictures.js";
  * @property {boolean} isFinished
  * @property {boolean} isSame whether it is of the same view
  * @property {{element: HTMLElement, isOpen: boolean, end: () => void}} steps of an upload, shown until the first picture
- * @property {boolean} [isClear] whether it was this very view when it was clear
+ * @property {boolean} [isClear] whether it was this very view, or the scene's poster, when it was clear
  */
 
 const HELD_BACK = "held-back";
@@ -40,6 +40,8 @@ const [DENOISED_MS, RELIT_MS, DENOISED_SPP] = [15_000, 2000, 64];
 const COVERED_MS = 500;
 /** Part of the view's width that a denoised picture must have to replace the preview mesh. */
 const FINE_SHARE = 0.75;
+/** Samples per pixel with which a denoised view replaces a picture of itself that was clear. */
+const CLEAR_SPP = 16;
 /** Samples per pixel after which a denoised view is clear, and one that is not denoised replaces a preview mesh, a thumbnail or nothing: fewer are noise. */
 export const SHARP_SPP = 4;
 /** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
@@ -90,8 +92,12 @@ export class Cover {
     this.first = null;
     /** Whether the latest request shows another scene than the first one: the preview mesh shows only that. */
     this.isChanged = false;
-    /** Light of the kept picture. */
-    this.keptLight = "";
+    /** Light of the first request. @type {string | undefined} */
+    this.firstLight = undefined;
+    /** Light of the kept picture. @type {string | undefined} */
+    this.keptLight = undefined;
+    /** The clear picture that is shown first, and its camera. @type {{image: HTMLImageElement, view: View} | null} */
+    this.below = null;
     /** When the view had MESH_SPP samples per pixel; 0: not yet. */
     this.sampledAt = 0;
     mesh.setScene(scene);
@@ -102,27 +108,33 @@ export class Cover {
     const { scene, surface, canvas } = this;
     const { url, nearest, isFinished, isSame, isClear } = this.meanwhile;
     // A mesh that is on the page already stays; else a rendered picture of the same view is truer than the mesh.
-    const isMeshFirst = !url || (!isFinished && !isSame) || (!isClear && this.mesh.mesh !== null && url !== examplePictures.get(scene.id));
-    canvas.classList.toggle(HELD_BACK, isMeshFirst ? this.willBeDenoised() : isFinished || isSame);
+    // A thumbnail is blurred at the view's size: the mesh, which is sharp, replaces it as soon as it is drawn.
+    const isMeshFirst = !url || (!isFinished && (!isSame || Boolean(scene.preview))) || (!isClear && this.mesh.mesh !== null && url !== examplePictures.get(scene.id));
+    canvas.classList.toggle(HELD_BACK, isMeshFirst && !isSame ? this.willBeDenoised() : isFinished || isSame);
     const hasAlpha = url.includes("/image.png"); // as thumbnailFormat requests a transparent background
     surface.classList.toggle("has-alpha", hasAlpha);
     const below = [url, nearest].filter(Boolean).map((each) => `url("${each}")`);
     if (hasAlpha) below.push("var(--squares-image)");
     surface.style.backgroundImage = below.join(", ");
     if (isMeshFirst) this.showMesh();
-    else if (isSame && url) void this.judgeThumbnail(url);
+    else if (isSame && url) void this.lookAt(url);
   }
 
-  /** Finds out whether a picture of the view that is shown first is black. @param {string} url */
-  async judgeThumbnail(url) {
+  /** Finds out whether the picture of the view that is shown first is black, and keeps it for the first turn of the camera. @param {string} url */
+  async lookAt(url) {
     const image = h("img", { src: url });
+    const view = this.view();
     try {
       await image.decode();
     } catch {
       return; // it was deleted meanwhile, or the page is left
     }
+    if (this.isDisposed) return;
     this.isThumbnailBlack = isBlack(image);
     this.laid();
+    if (!this.meanwhile.isClear) return;
+    this.below = { image, view };
+    this.loadMesh();
   }
 
   /** Whether the canvas is held back. */
@@ -169,8 +181,14 @@ export class Cover {
   }
 
   layMesh() {
-    this.mesh.setView(this.view());
-    this.mesh.canvas.hidden = false;
+    const { below, mesh } = this;
+    const isBelow = below !== null && this.surface.style.backgroundImage !== "" && canKeep(below.view, this.view());
+    mesh.setView(this.view());
+    mesh.canvas.hidden = false;
+    if (isBelow && mesh.mesh) {
+      mesh.keep(below.image, below.view);
+      this.keptLight = this.firstLight;
+    }
     this.surface.style.backgroundImage = "";
     this.canvas.classList.add(HELD_BACK); // the first samples are coarser than the mesh
   }
@@ -185,6 +203,7 @@ export class Cover {
     const text = JSON.stringify(request);
     const scene = JSON.stringify({ ...request, view: null, camera: null, width: null, height: null });
     this.first ??= { text, scene };
+    this.firstLight ??= JSON.stringify(request["environment"] ?? null);
     if (text !== this.first.text && !this.isMeshShown) this.release();
     this.isChanged ||= scene !== this.first.scene;
   }
@@ -287,7 +306,7 @@ export class Cover {
     // The preview mesh is sharp: what replaces it must be as fine, and not smeared by denoising few samples.
     const isMeshTrue = !hasKept && this.isMeshShown && !this.isChanged;
     const isClearBelow = isMeshTrue || (isCleanBelow && Boolean(meanwhile.isClear));
-    const isSharp = !isClearBelow || done || !isDenoisedSoon || mean >= SHARP_SPP;
+    const isSharp = !isClearBelow || done || (!isDenoisedSoon && !meanwhile.isClear) || mean >= (isMeshTrue ? SHARP_SPP : CLEAR_SPP);
     const isEmptyBelow = !this.isMeshShown && !this.surface.style.backgroundImage;
     const isEnough = mean >= (isEmptyBelow ? SHARP_SPP : isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : hasKept ? MESH_SPP : SHARP_SPP);
     // A small picture replaces the kept one only where that is of the same camera, or shows little of the view.

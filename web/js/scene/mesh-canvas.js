@@ -165,7 +165,7 @@ export class MeshCanvas {
   /**
    * Projects a picture onto the mesh from now on.
    *
-   * @param {HTMLCanvasElement} picture
+   * @param {HTMLCanvasElement | HTMLImageElement} picture
    * @param {View} view its camera
    */
   keep(picture, view) {

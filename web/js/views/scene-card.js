@@ -2,7 +2,7 @@
 
 import { lookOfJob } from "../film/job-look.js";
 import { examplePictures } from "../news/example-pictures.js";
-import { deleteScene, imageUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
+import { deleteScene, imageUrl, posterUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
 import { h, setFacts, setText } from "../base/dom.js";
 import { jobs, putScene, scenes, setHidden } from "../news/farm.js";
 import { ago, compact } from "../base/format.js";
@@ -11,6 +11,7 @@ import { icon } from "../base/icons.js";
 import { linkTo } from "../shell/router.js";
 import { markBlack } from "../base/black-image.js";
 import { offer } from "../news/projects.js";
+import { keepShownImage, shownImage } from "../news/shown-images.js";
 import { lightOf, variantOf } from "../base/scene-version.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { showError, undoable } from "../shell/tray.js";
@@ -53,7 +54,7 @@ export function sceneCard(scene) {
       chip.update(next.status);
       chip.element.hidden = next.status === "ready";
       setFacts(facts, next.status === "ready" ? shortFacts(next) : []);
-      picture.update(next, renderedOf(next) ?? examplePictures.get(next.id));
+      picture.update(next, renderedOf(next) ?? (posterUrl(next) || examplePictures.get(next.id)));
     },
   };
 }
@@ -140,10 +141,19 @@ export function thumbnail() {
   /** @param {string} url @param {string} instead shown if there is no picture at `url` */
   const show = (url, instead) => {
     if (!url) return element.replaceChildren(icon("cube"));
-    const image = h("img", { src: url, alt: "", loading: "lazy" });
-    image.addEventListener("load", () => (image.classList.add("loaded"), markBlack(element, image)), { once: true });
-    image.addEventListener("error", () => image.isConnected && show(instead, ""), { once: true });
-    element.replaceChildren(icon("cube"), image);
+    const known = shownImage(url);
+    const image = known ?? h("img", { src: url, alt: "", loading: "lazy" });
+    /** Removes the picture before, which stays until the new one can be seen. */
+    const replace = () => {
+      for (const other of element.querySelectorAll("img")) if (other !== image) other.remove();
+      image.classList.add("loaded");
+      markBlack(element, image);
+      keepShownImage(url, image);
+    };
+    element.append(image);
+    if (known) return replace();
+    image.addEventListener("load", () => image.decode().then(replace, replace), { once: true });
+    image.addEventListener("error", () => image.isConnected && (image.remove(), show(instead, "")), { once: true });
   };
   return {
     element,

@@ -1,7 +1,7 @@
 /** The page of a scene: being prepared, failed, or ready to render. */
 
 import { examplePictures } from "../news/example-pictures.js";
-import { createJob, getScene, imageUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
+import { createJob, getScene, imageUrl, posterUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
 import { WITHOUT_LIGHT } from "../base/codes.js";
 import { fill, h, setFacts, setText } from "../base/dom.js";
 import { adoptJob, adoptScene, jobs, putScene, scenes, workers } from "../news/farm.js";
@@ -119,12 +119,14 @@ function heading(scene) {
   );
 }
 
-/** A scene's page before its view: the thumbnail, unless another view is asked for, and the steps of an upload. @param {Scene} scene @param {Steps} steps */
-function outline({ id, thumbnail, defaults }, steps) {
+/** A scene's page before its view: its poster or thumbnail, unless another view is asked for, and the steps of an upload. @param {Scene} scene @param {Steps} steps */
+function outline(scene, steps) {
+  const { id, thumbnail, defaults } = scene;
   const surface = h("div", { class: "live-view" });
   surface.style.setProperty("--aspect", String((defaults["width"] ?? 16) / (defaults["height"] ?? 9)));
-  const isOwnView = !["view", "like"].some((name) => here().params.has(name));
-  if (thumbnail && isOwnView) surface.style.backgroundImage = `url("${thumbnailUrl(id)}")`;
+  const isOwnView = !["view", "like", "light"].some((name) => here().params.has(name));
+  const url = posterUrl(scene) || examplePictures.get(id) || (thumbnail ? thumbnailUrl(id) : "");
+  if (url && isOwnView) surface.style.backgroundImage = `url("${url}")`;
   if (steps.isOpen) steps.render();
   const pills = h("div", { class: "view-pills" }, h("p", { class: "small view-state" }, PREPARING), steps.isOpen && steps.element);
   return h(
@@ -310,16 +312,18 @@ function viewOf(scene, form, sides, life, steps) {
   const linked = viewFromText(written) ?? takeTurned(scene.id);
   if (linked) form.turn(linked);
   // Of the same view and in the same light: a picture of another one would jump when the samples come.
-  const { background = "visible", environment, floor, width: wide = 1, height: tall = 1 } = form.request();
+  const { background = "visible", environment, floor, up, variant, frames, width: wide = 1, height: tall = 1 } = form.request();
   const isSeen = (/** @type {Job} */ { scene: of, state, settings, environment: light, floor: on, width, height }) =>
     of === scene.id && state === "finished" && Math.abs(((width ?? 0) * tall) / ((height ?? 1) * wide) - 1) < SAME_SHAPE && settings !== null && viewToText(settings.view) === viewToText(form.view()) && (settings["background"] ?? "visible") === background && !light && !environment && JSON.stringify(on ?? null) === JSON.stringify(floor ?? null);
   const finished = (jobs.value ?? []).find(isSeen);
   const example = linked ? undefined : examplePictures.get(scene.id); // shown while the scene was prepared
   const picture = finished && imageUrl({ job: finished.id, frame: firstFrame(finished) }, thumbnailFormat(finished), { width: 800, visible: "true", v: finished.samples });
-  const best = picture || example;
+  const isUsual = !linked && !here().params.has("like") && background === "visible" && !environment && floor == null && up == null && variant == null && !frames;
+  const poster = isUsual ? posterUrl(scene) : "";
+  const best = poster || picture || example;
   // A card has shown it. With another exposure than the view's it would be another picture.
   const smaller = finished && Object.keys(lookOfJob(finished)).length === 0 ? cardPicture(finished) : undefined;
-  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), nearest: smaller ?? "", isFinished: best !== undefined, isSame: !linked && !here().params.has("like"), steps };
+  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), nearest: smaller ?? "", isFinished: best !== undefined, isSame: !linked && !here().params.has("like"), isClear: poster !== "", steps };
 
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;

@@ -1,0 +1,276 @@
+"""Posters: of each scene one sharp picture of the view that a page opens it with, shown until that view has samples.
+
+The picture of a live view that shows a scene's home view (`view_request.home_view`) becomes the poster when it has enough
+samples, again when it has many times as many, and when the view is closed. While the farm has nothing else to do, the home views
+of the latest scenes without a poster are rendered as live views without a page. A poster is a JPEG blob to which the scene's row
+refers, so it is deleted with the scene; a better one replaces it.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import math
+import queue
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from renderer.image import tonemap
+from renderer.image.darkness import darkness
+from service.errors import FarmError
+from service.events import Events, ItemChanged, RowWritten
+from service.scheduling.snapshot import SnapshotHolder
+from service.store.blobs import BlobStore
+from service.store.database import Sessions
+from service.store.garbage import Garbage
+from service.store.models import Scene
+from service.viewing.session import SettledPicture, ViewSession
+from service.viewing.view_request import HOME_PIXELS, home_view
+from service.viewing.view_scheduler import ViewScheduler
+
+__all__ = ["MAX_BYTES", "Posters", "encode_poster", "is_better"]
+
+MIN_DENOISED, MIN_NOISY = 2.0, 16.0  # samples per pixel of a picture that becomes a poster
+GROWTH = 4.0  # a poster is replaced by one with so many times the samples: less is hardly visible
+NOISY_WORTH = 1 / 16  # samples of a picture that is not denoised count so much
+MIN_PIXELS = 960 * 540  # with fewer, a poster is rendered again
+SAMPLES = 16  # per pixel of a poster that is rendered without a page
+MAX_BYTES, MAX_PIXELS = 1 << 19, 1 << 20
+QUALITIES = (95, 85, 70, 40)  # of JPEGs, until one has at most MAX_BYTES
+FULL_CHROMA = 90  # quality from which chroma is not subsampled
+CURVE = "neutral"  # the page's default
+POLL_S = 0.5
+IDLE_S = 3.0  # without jobs, preparations and views, until posters are rendered
+MAX_RENDER_S = 180.0  # the first one may compile a kernel
+RECENT = 24  # scenes that get posters without having been opened: as many as the front page shows at first
+ACTIVE = {"queued", "running"}
+
+log = logging.getLogger(__name__)
+
+
+class Posters:
+    """Keeps the scenes' posters, from `start` to `stop`. `take` is thread-safe."""
+
+    def __init__(
+        self,
+        sessions: Sessions,
+        blobs: BlobStore,
+        garbage: Garbage,
+        views: ViewScheduler,
+        board: SnapshotHolder,
+        events: Events,
+        *,
+        renders: bool = True,
+    ) -> None:
+        """Stores the parameters. renders: whether missing posters are rendered while the farm has nothing else to do."""
+        self._sessions = sessions
+        self._blobs = blobs
+        self._garbage = garbage
+        self._views = views
+        self._board = board
+        self._events = events
+        self._taken: queue.SimpleQueue[SettledPicture | None] = queue.SimpleQueue()
+        self._given: dict[str, float] = {}  # by session: worth of its latest picture that was looked at
+        self._refused: set[str] = set()  # scenes whose posters could not be rendered
+        self._renders = renders
+        self._may_lack = True  # whether scenes may lack posters
+        self._busy_at = time.monotonic()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="posters", daemon=True)
+        events.subscribe(RowWritten, self._scene_changed)
+        events.subscribe(ItemChanged, self._scene_changed)
+
+    def start(self) -> None:
+        """Starts the thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stops the thread, after the poster that it is storing."""
+        self._stopping.set()
+        self._taken.put(None)
+        if self._thread.is_alive():
+            self._thread.join(5)
+
+    def take(self, session: ViewSession) -> None:
+        """Takes the picture of a session that is about to be closed, if that is better than the scene's poster."""
+        if session.request is not None and session.request.is_home:
+            picture = session.settled_picture(MIN_NOISY, MIN_DENOISED)
+            if picture is not None:
+                self._taken.put(picture)
+
+    def _scene_changed(self, event: RowWritten | ItemChanged) -> None:
+        self._may_lack = self._may_lack or event.kind == "scene"
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                try:
+                    picture = self._taken.get(timeout=POLL_S)
+                except queue.Empty:
+                    self._take_from_views()
+                    self._render_missing()
+                else:
+                    if picture is not None:
+                        self.store(picture)
+            except FarmError as error:
+                log.info("no poster was stored: %s", error)
+            except Exception:
+                log.exception("the posters failed")
+                self._stopping.wait(POLL_S)
+
+    def _take_from_views(self) -> None:
+        """Stores the pictures of home views that are open and have become clearer."""
+        open_ids = set()
+        for session in self._views.sessions():
+            open_ids.add(session.id)
+            if session.request is None or not session.request.is_home:
+                continue
+            worth = session.mean_samples
+            if worth < max(MIN_DENOISED, GROWTH * self._given.get(session.id, 0.0)) and not session.is_done:
+                continue
+            picture = session.settled_picture(MIN_NOISY, MIN_DENOISED)
+            if picture is not None and picture.samples > self._given.get(session.id, 0.0):
+                self._given[session.id] = picture.samples
+                self.store(picture)
+        self._given = {id: samples for id, samples in self._given.items() if id in open_ids}
+
+    def store(self, picture: SettledPicture) -> bool:
+        """Makes a picture its scene's poster if it is better than the present one. Returns whether it was. Raises FarmError."""
+        height, width = picture.color.shape[:2]
+        made = {"width": width, "height": height, "samples": round(picture.samples, 1), "denoised": picture.is_denoised}
+        with self._sessions() as session:
+            scene = session.get(Scene, picture.scene)
+        if scene is None or not is_better(made, _poster(scene)):
+            return False
+        writer = self._blobs.writer()
+        try:
+            writer.write(encode_poster(picture.color))
+            made |= {"sha256": writer.sha256, "size": writer.size}
+            with self._garbage.pinned([writer.sha256]):
+                writer.commit()
+                was_put = self._record(picture.scene, made)
+        finally:
+            writer.discard()
+        if was_put:
+            self._events.publish(RowWritten("scene", picture.scene))
+        return was_put
+
+    def _record(self, id: str, made: dict[str, Any]) -> bool:
+        """Writes a poster into the scene's row, and deletes the one before it.
+
+        Returns False if the scene is gone, or has as good a poster meanwhile.
+        """
+        is_put = False
+
+        def put(session: Session) -> set[str]:
+            nonlocal is_put
+            scene = session.get(Scene, id, with_for_update=True)
+            if scene is None or scene.info is None or not is_better(made, before := _poster(scene)):
+                return set()
+            scene.info = {**scene.info, "poster": made}
+            is_put = True
+            return {before["sha256"]} - {made["sha256"]} if before else set()
+
+        self._garbage.collect(put)
+        return is_put
+
+    def _is_idle(self) -> bool:
+        """Returns True if workers are ready and nothing else needs them."""
+        board = self._board.latest
+        has_work = bool(board.preparing) or board.batches_out > 0 or any(each.state in ACTIVE for each in board.jobs.values())
+        ready = [report for report in board.roster.ready_reports() if report.views]
+        return board.fault is None and not has_work and bool(ready)
+
+    def _render_missing(self) -> None:
+        """Renders the poster of one scene that lacks it, once the farm has been idle for IDLE_S."""
+        if not self._is_idle() or self._views.sessions():
+            self._busy_at = time.monotonic()
+        if not self._renders or not self._may_lack or time.monotonic() - self._busy_at < IDLE_S:
+            return
+        self._may_lack = False
+        with self._sessions() as session:
+            latest = select(Scene).where(Scene.of.is_(None), Scene.status == "ready").order_by(Scene.created.desc()).limit(RECENT)
+            scenes = [each for each in session.scalars(latest) if each.id not in self._refused and _lacks_poster(each)]
+        for scene in scenes[:1]:
+            self._may_lack = True
+            self._render(scene)
+
+    def _render(self, scene: Scene) -> None:
+        """Renders a scene's home view, unless something else needs the workers meanwhile."""
+        try:
+            request = home_view(scene, SAMPLES)
+        except FarmError:
+            self._refused.add(scene.id)
+            return
+        session = ViewSession(lambda: None)
+        until = time.monotonic() + MAX_RENDER_S
+        self._views.request_view(session, request)
+        picture = None
+        try:
+            while picture is None and self._is_idle() and not any(each is not session for each in self._views.sessions()):
+                if self._stopping.wait(POLL_S / 2):
+                    return
+                picture = session.settled_picture(SAMPLES, SAMPLES)
+                if picture is None and (session.error or time.monotonic() > until):
+                    self._refused.add(scene.id)
+                    return
+        finally:
+            self._views.close_session(session)
+        self._busy_at = time.monotonic() if picture is None else self._busy_at
+        if picture is not None and not self.store(picture):
+            self._refused.add(scene.id)
+
+
+def is_better(made: dict[str, Any], present: dict[str, Any] | None) -> bool:
+    """Returns True if a picture replaces the present poster; None: there is none.
+
+    made, present: width and height in pixels, samples per pixel, and whether denoised.
+    """
+    if present is None:
+        return True
+    [pixels, before] = [each["width"] * each["height"] for each in (made, present)]
+    [worth, worth_before] = [each["samples"] * (1.0 if each["denoised"] else NOISY_WORTH) for each in (made, present)]
+    if before < MIN_PIXELS and pixels > 1.2 * before:
+        return worth >= min(MIN_DENOISED, worth_before)
+    return pixels >= min(0.8 * before, MIN_PIXELS) and worth >= GROWTH * worth_before
+
+
+def encode_poster(color: npt.NDArray[np.float32]) -> bytes:
+    """Returns a JPEG of a linear picture, (h, w, 3), as a live view shows it at first, of at most about MAX_BYTES and MAX_PIXELS.
+
+    A picture that looks black is exposed by what it shows, as a live view is.
+    """
+    dark = darkness(color)
+    pixels = tonemap.apply(color, dark.exposure if dark else 0.0, CURVE)
+    picture = Image.fromarray(np.ascontiguousarray(pixels))
+    scale = math.sqrt(MAX_PIXELS / (picture.width * picture.height))
+    if scale < 1.0:
+        picture = picture.resize((max(1, int(picture.width * scale)), max(1, int(picture.height * scale))), Image.Resampling.BOX)
+    data = b""
+    for quality in QUALITIES:
+        out = io.BytesIO()
+        picture.save(out, "JPEG", quality=quality, subsampling=0 if quality >= FULL_CHROMA else 2)
+        data = out.getvalue()
+        if len(data) <= MAX_BYTES:
+            break
+    return data
+
+
+def _poster(scene: Scene) -> dict[str, Any] | None:
+    found = (scene.info or {}).get("poster")
+    return found if isinstance(found, dict) else None
+
+
+def _lacks_poster(scene: Scene) -> bool:
+    """Returns True if a scene has no poster of SAMPLES samples and MIN_PIXELS."""
+    found = _poster(scene)
+    if found is None:
+        return True
+    return found["samples"] < SAMPLES or found["width"] * found["height"] < 0.9 * min(MIN_PIXELS, HOME_PIXELS)

@@ -1,0 +1,141 @@
+"""Tests of which pictures become posters, how large they are, and that they end with their scene."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from protocol.contract import BlobRef
+from service.jobs.lookup import find_scene
+from service.store.models import Scene
+from service.viewing.posters import MIN_PIXELS, encode_poster, is_better
+from service.viewing.session import SettledPicture
+from service.viewing.view_request import HOME_PIXELS, home_view, resolve_view, shows_home
+from tests.service.conftest import Service, until
+from tests.service.viewer import look
+
+FLAT = np.full((54, 96, 3), 0.5, np.float32)
+
+
+def poster(samples: float, width: int = 1280, denoised: bool = True) -> dict[str, Any]:
+    return {"width": width, "height": width * 9 // 16, "samples": samples, "denoised": denoised}
+
+
+def picture(scene: str, samples: float, color: np.ndarray = FLAT) -> SettledPicture:
+    return SettledPicture(scene, color, samples, True)
+
+
+def shown(data: bytes) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+
+
+def test_poster_is_bounded_whatever_it_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("service.viewing.posters.MAX_PIXELS", 1 << 16)
+    monkeypatch.setattr("service.viewing.posters.MAX_BYTES", 1 << 15)
+    noise = np.random.default_rng(3).random((300, 540, 3), np.float32)
+    data = encode_poster(noise)
+    height, width = shown(data).shape[:2]
+    assert len(data) <= 1 << 15 and 0.98 * (1 << 16) < width * height <= 1 << 16
+    assert width / height == pytest.approx(1.8, abs=0.01)
+
+
+def test_poster_of_dark_picture_is_exposed_by_what_it_shows() -> None:
+    """A scene of lamps of 1 W gives radiances about 1e-4, which a live view shows exposed by as many stops."""
+    ramp = np.linspace(1e-6, 1e-4, 96 * 54, dtype=np.float32).reshape(54, 96, 1).repeat(3, -1)
+    assert shown(encode_poster(ramp)).mean() > 60
+    assert shown(encode_poster(0.5 * np.ones_like(ramp))).std() < 1, "a bright picture is as it is"
+
+
+@pytest.mark.parametrize(
+    ("made", "present", "replaces"),
+    [
+        (poster(2), None, True),
+        (poster(16), poster(4), True),
+        (poster(15), poster(4), False),
+        (poster(256, denoised=False), poster(16), False),
+        (poster(16), poster(64, denoised=False), True),
+        (poster(256, width=320), poster(16), False),
+        (poster(4), poster(64, width=640), True),
+        (poster(4, width=660), poster(64, width=640), False),
+    ],
+    ids=str,
+)
+def test_poster_is_replaced_only_by_a_better_one(made: dict[str, Any], present: dict[str, Any] | None, replaces: bool) -> None:
+    assert is_better(made, present) is replaces
+
+
+def test_home_view_is_that_of_first_camera_in_any_size(service: Service) -> None:
+    with service.worker():
+        scene = find_scene(service.ready_scene(), service.farm)
+    camera = scene.info["cameras"][0] if scene.info else {}
+    usual = {"denoise": True, "noise": 0.02, "width": 640, "height": 360}
+
+    def is_home(scene: Scene = scene, **more: Any) -> bool:
+        return shows_home(resolve_view(1, {**usual, **more}, scene, False, 0.0), scene)
+
+    assert home_view(scene).settings.width * home_view(scene).settings.height == pytest.approx(HOME_PIXELS, rel=0.01)
+    assert is_home() and is_home(camera=camera["name"]) and is_home(view=camera["view"], width=333, height=187)
+    assert not is_home(width=360), "another shape"
+    assert not is_home(max_depth=1)
+    assert not is_home(view={**camera["view"], "fov": 20.0})
+    derived = Scene(**{name: getattr(scene, name) for name in ("id", "info", "compiled", "status", "error")}, of="another")
+    assert not is_home(derived), "its light is another"
+
+
+def test_view_that_was_open_leaves_poster_in_its_scene(service: Service) -> None:
+    with service.worker():
+        scene = service.ready_scene()
+        assert service.scene(scene)["poster"] is None
+        assert service.http.get(f"/api/scenes/{scene}/poster.jpg").status_code == 404
+        with look(service, scene) as viewer:
+            viewer.show(1, width=96, height=54, spp=16, denoise=True)
+            until(lambda: viewer.read() or service.scene(scene)["poster"] is not None, "the scene has a poster")
+        answer = service.http.get(service.scene(scene)["poster"])
+        assert answer.headers["cache-control"] == "private, max-age=31536000, immutable"
+        assert shown(answer.content).shape == (54, 96, 3)
+        with look(service, scene) as viewer:
+            viewer.show(1, width=96, height=54, spp=256, denoise=True, max_depth=1)
+            until(lambda: viewer.read() or bool(viewer.states and viewer.states[-1]["done"]), "another view is done")
+        assert service.http.get(f"/api/scenes/{scene}/poster.jpg").content == answer.content
+
+
+def test_poster_is_one_blob_that_is_deleted_with_the_scene(service: Service) -> None:
+    with service.worker():
+        scene = service.ready_scene()
+    posters, blobs = service.farm.posters, service.farm.blobs
+
+    def stored() -> str:
+        info = find_scene(scene, service.farm).info or {}
+        return BlobRef("", info["poster"]["sha256"], info["poster"]["size"]).sha256
+
+    assert posters.store(picture(scene, 4))
+    first = stored()
+    assert not posters.store(picture(scene, 8, 0.1 * FLAT)) and stored() == first
+    url = service.scene(scene)["poster"]
+    assert posters.store(picture(scene, 64, 0.1 * FLAT))
+    second = stored()
+    assert blobs.exists(second) and not blobs.exists(first)
+    assert service.scene(scene)["poster"] != url
+    stale = service.http.get(url)
+    assert stale.headers["cache-control"] == "no-cache" and stale.status_code == 200, "an old address is not kept"
+    assert service.http.delete(f"/api/scenes/{scene}").status_code == 204
+    assert not blobs.exists(second)
+    assert service.http.get(f"/api/scenes/{scene}/poster.jpg").status_code == 404
+    assert not posters.store(picture(scene, 256)), "its scene is gone"
+
+
+@pytest.mark.long
+def test_idle_farm_renders_missing_posters_and_stops_for_others(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("service.viewing.posters.IDLE_S", 0.0)
+    service.options["idle_posters"] = True
+    service.restart()
+    with service.worker():
+        scene = service.ready_scene()
+        until(lambda: service.scene(scene)["poster"] is not None, "the scene has a poster")
+        info = find_scene(scene, service.farm).info or {}
+        assert info["poster"]["width"] * info["poster"]["height"] >= MIN_PIXELS and info["poster"]["samples"] == 16
+        until(lambda: not service.farm.views.sessions(), "the view without a page is closed")
