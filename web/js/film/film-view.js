@@ -104,10 +104,10 @@ export class FilmView {
     return layer.image ? null : layer.film;
   }
 
-  /** Sets the image shown until the film has samples. @param {string | null} url of an image; null: black @param {string} [sharp] of a denoised one in full resolution; "": none */
-  setPoster(url, sharp) {
+  /** Sets the image shown until the film has samples. @param {string | null} url of an image; null: black @param {string} [sharp] of a denoised one in full resolution; "": none @param {string} [nearest] of a smaller one that the browser has; "": none */
+  setPoster(url, sharp, nearest) {
     this.poster?.element.remove();
-    this.poster = new Poster(url, sharp);
+    this.poster = new Poster(url, sharp, nearest);
     this.element.prepend(this.poster.element);
     this.placePoster();
   }

@@ -1,5 +1,7 @@
-/** The exposure and tone curve with which a job's picture is shown by default, which its request states. */
+/** How a job's picture is shown by default: the exposure and tone curve that its request states, and its small copies. */
 
+import { firstFrame } from "../base/shot-words.js";
+import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { isCurve } from "./curves.js";
 import { DEFAULT_CURVE } from "./tonemap.js";
 
@@ -13,3 +15,9 @@ export function lookOfJob(job) {
   const { exposure, curve } = jobLook(job);
   return { ...(exposure !== 0 && { exposure }), ...(curve !== DEFAULT_CURVE && { tonemap: curve }) };
 }
+
+/** Least width, in pixels, of the pictures of cards and rows: twice a card's where the screen has so many pixels. */
+export const CARD_WIDTH = devicePixelRatio > 1 ? 640 : 480;
+
+/** Returns the URL of a job's picture on a card or in a row. @param {import("../base/types.js").Job} job */
+export const cardPicture = (job) => imageUrl({ job: job.id, frame: firstFrame(job) }, thumbnailFormat(job), { width: CARD_WIDTH, visible: "true", ...lookOfJob(job), v: job.samples });

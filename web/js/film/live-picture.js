@@ -2,12 +2,14 @@
 
 import { DENOISED, MIX } from "./channels.js";
 import { imageUrl, thumbnailFormat } from "../news/api.js";
+import { jobRowOf, shownUrl } from "../news/shown-images.js";
 import { workers } from "../news/farm.js";
 import { LiveFilm } from "./live-film.js";
-import { jobLook, lookOfJob } from "./job-look.js";
+import { CARD_WIDTH, jobLook, lookOfJob } from "./job-look.js";
 import { isMixed } from "./light-mix.js";
 import { pictureStage } from "./picture-stage.js";
 import { outlinesOf } from "./tile-outlines.js";
+import { firstFrame } from "../base/shot-words.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -55,9 +57,8 @@ export function livePicture(job, display, life, changed, frame) {
   };
 
   const poster = posterOf(job, live.frame, display.value);
-  const isClean = job.denoise || display.value.denoise !== "off"; // without a preview the small one stays
-  const isSmall = (job.width ?? 0) <= POSTER_WIDTH;
-  stage.view?.setPoster(live.clean || (poster?.near ?? null), isClean && !live.clean && !isSmall ? poster?.clean : "");
+  const isClean = job.denoise || display.value.denoise !== "off"; // without a preview the noisy one stays
+  stage.view?.setPoster(live.clean || (poster?.near ?? null), isClean && !live.clean && !isSmall(job) ? poster?.clean : "", live.clean ? "" : poster?.nearest);
   void Promise.race([stage.view?.poster?.loaded, new Promise((resolve) => setTimeout(resolve, POSTER_MS))]).then(isPosterHere);
 
   let latest = job;
@@ -75,7 +76,7 @@ export function livePicture(job, display, life, changed, frame) {
       const mixed = look.channel === "" && isMixed(look.mix);
       const denoised = look.denoise !== "off" && look.channel === "" && !mixed;
       stage.view?.setLook(look);
-      stage.view?.poster?.element.classList.toggle("smooth", denoised && !live.clean);
+      stage.view?.poster?.element.classList.toggle("smooth", denoised && !live.clean && perPixel(job) < NOISY_SPP);
       stage.arrange({
         left: mixed ? { live, channel: MIX, mix: look.mix } : { live, channel: look.channel, name: look.channel === "" ? t("Raw") : undefined },
         right: denoised ? { live, channel: DENOISED } : null,
@@ -107,11 +108,20 @@ export function livePicture(job, display, life, changed, frame) {
 
 /** Time, in milliseconds, that the film waits for the poster at most. */
 const POSTER_MS = 1000;
-/** As in the list of jobs, so the browser may have it cached. */
-const POSTER_WIDTH = 320;
+/** Least width, in pixels, of the picture until the film is here: about that of the stage. */
+const POSTER_WIDTH = 1280;
+/** Samples per pixel below which the noise of a picture is worse than a blur, until it is denoised. */
+const NOISY_SPP = 16;
+
+/** Whether the picture in a list is as large as the job's. @param {Job} job */
+const isSmall = ({ width }) => (width ?? 0) <= CARD_WIDTH;
+
+/** Returns the mean samples per pixel of a job. @param {Job} job */
+const perPixel = ({ samples, shot, width, height }) => samples / Math.max((width ?? 1) * (height ?? 1) * (shot?.count ?? 1), 1);
 
 /**
- * Returns the URLs of a job's picture until its film is here: a small copy, and its latest denoised preview in full resolution.
+ * Returns the URLs of a job's picture until its film is here: the small copy that a list has shown, one of about the stage's size, and
+ * its latest denoised preview in full resolution.
  *
  * @param {Job} job
  * @param {number} frame
@@ -124,5 +134,7 @@ function posterOf(job, frame, { exposure, curve, channel }) {
   /** @type {Record<string, string | number>} */
   const look = exposure === usual.exposure && curve === usual.curve ? { visible: "true", ...lookOfJob(job), v: samples } : { v: samples, exposure, tonemap: curve };
   const url = (/** @type {Record<string, string | number>} */ query) => imageUrl({ job: id, frame }, thumbnailFormat(job), { ...query, ...look });
-  return { near: url({ width: POSTER_WIDTH }), clean: url({ denoise: "true", preview: "true", wait: "false" }) };
+  const nearest = look["exposure"] === undefined && frame === firstFrame(job) ? shownUrl(jobRowOf(id)) : "";
+  const isWhole = nearest !== "" && isSmall(job);
+  return { nearest, near: isWhole ? nearest : url({ width: POSTER_WIDTH }), clean: url({ denoise: "true", preview: "true", wait: "false" }) };
 }

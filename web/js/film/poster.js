@@ -1,7 +1,7 @@
 /**
- * A placeholder for a film that is being loaded: a small JPEG, usually cached from a list of pictures, and a word until that is here;
- * over it the denoised picture in full resolution, as soon as that has come. It is under the canvas, and is removed once the canvas has
- * something to draw.
+ * A placeholder for a film that is being loaded: the small picture that a list of jobs has shown, or a word; over it one of about the
+ * stage's size; and over that the denoised one in full resolution, as soon as they have come. It is under the canvas, and is removed
+ * once the canvas has something to draw.
  */
 
 import { h } from "../base/dom.js";
@@ -11,17 +11,18 @@ import { t } from "../base/words.js";
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 
 export class Poster {
-  /** @param {string | null} url null: the place stays black @param {string} [sharp] URL of a denoised picture in full resolution; "": none */
-  constructor(url, sharp = "") {
+  /** @param {string | null} url null: the place stays black @param {string} [sharp] URL of a denoised picture in full resolution; "": none @param {string} [nearest] URL of a smaller one that the browser has; "": none */
+  constructor(url, sharp = "", nearest = "") {
     this.element = h("div", { class: "poster", "aria-hidden": "true" });
     /** Resolves when the image is shown, or cannot be. @type {Promise<void>} */
     this.loaded = Promise.resolve();
     if (!url) return;
     const image = h("img", { alt: "", decoding: "sync", fetchpriority: "high" });
-    const word = h("p", { class: "small quiet" }, t("Loading the picture …"));
+    const word = h("p", { class: "small quiet" }, nearest ? "" : t("Loading the picture …"));
     this.element.classList.add("loading");
     this.element.append(image, word);
     const place = this.element.style;
+    if (nearest) place.backgroundImage = `url("${nearest}")`;
     const fillEdges = () => (place.backgroundImage = `url("${url}")`); // under the image, whose edges are transparent where it is blurred
     if (!url.includes("/image.png")) image.addEventListener("load", fillEdges, { once: true });
     if (sharp) this.sharpen(sharp);

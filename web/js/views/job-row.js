@@ -1,7 +1,6 @@
 /** A job's row in a list. */
 
-import { lookOfJob } from "../film/job-look.js";
-import { imageUrl, thumbnailFormat } from "../news/api.js";
+import { cardPicture } from "../film/job-look.js";
 import { showImage } from "../news/images.js";
 import { h, setFacts, setText } from "../base/dom.js";
 import { scenes } from "../news/farm.js";
@@ -13,8 +12,9 @@ import { linkTo } from "../shell/router.js";
 import { markBlack } from "../base/black-image.js";
 import { offer } from "../news/projects.js";
 import { askedBy } from "../news/session.js";
+import { jobRowOf, keepShownImage, shownImage } from "../news/shown-images.js";
 import { reached } from "../news/settings-table.js";
-import { firstFrame, framesDone, isShot, shotName } from "../base/shot-words.js";
+import { framesDone, isShot, shotName } from "../base/shot-words.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { saidOf } from "../base/said.js";
 import { timeLeft } from "../news/time-left.js";
@@ -51,8 +51,8 @@ export function jobRow(job, lead) {
   const bar = progressBar(t("Progress"));
   const far = h("div", { class: "quiet small number" });
   const when = h("span", { class: "quiet small when number" });
-  const image = h("img", { alt: "", hidden: true });
-  image.addEventListener("load", () => (image.hidden = false));
+  const image = shownImage(jobRowOf(job.id)) ?? h("img", { alt: "", hidden: true });
+  image.addEventListener("load", () => ((image.hidden = false), keepShownImage(jobRowOf(job.id), image)));
   const box = h("div", { class: "picture" }, icon("image"), image);
   const remove = h(
     "button",
@@ -103,8 +103,7 @@ export function jobRow(job, lead) {
       if (next.samples > 0 && due && !document.hidden) {
         picturedAt = now;
         picturedState = next.state;
-        const url = imageUrl({ job: next.id, frame: firstFrame(next) }, thumbnailFormat(next), { width: 320, visible: "true", ...lookOfJob(next), v: next.samples });
-        showImage(image, url).then(
+        showImage(image, cardPicture(next)).then(
           () => (box.removeAttribute("title"), markBlack(box, image)),
           ({ message }) => ((image.hidden = true), (box.title = message)),
         );

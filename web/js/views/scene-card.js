@@ -1,12 +1,11 @@
 /** A scene's card on the front page. */
 
-import { lookOfJob } from "../film/job-look.js";
+import { cardPicture } from "../film/job-look.js";
 import { examplePictures } from "../news/example-pictures.js";
-import { deleteScene, imageUrl, posterUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
+import { deleteScene, posterUrl, thumbnailUrl } from "../news/api.js";
 import { h, setFacts, setText } from "../base/dom.js";
 import { jobs, putScene, scenes, setHidden } from "../news/farm.js";
 import { ago, compact } from "../base/format.js";
-import { firstFrame } from "../base/shot-words.js";
 import { icon } from "../base/icons.js";
 import { linkTo } from "../shell/router.js";
 import { markBlack } from "../base/black-image.js";
@@ -117,9 +116,6 @@ function renderedOf({ id }) {
   const job = found.toSorted((a, b) => quality(b) - quality(a))[0];
   return job && cardPicture(job);
 }
-
-/** The address of a job's picture on a scene's card. @param {Job} job */
-export const cardPicture = (job) => imageUrl({ job: job.id, frame: firstFrame(job) }, thumbnailFormat(job), { width: 480, visible: "true", ...lookOfJob(job), v: job.samples });
 
 /** @param {Scene} scene @returns {string[]} */
 function shortFacts(scene) {

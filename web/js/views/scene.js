@@ -22,7 +22,7 @@ import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
 import { clampExposure } from "../job/display-panel.js";
-import { lookOfJob } from "../film/job-look.js";
+import { cardPicture, lookOfJob } from "../film/job-look.js";
 import { PREPARING } from "../scene/clarity.js";
 import { beginView } from "../scene/mesh-relay.js";
 import { liveView } from "../scene/live-view.js";
@@ -34,7 +34,7 @@ import { renderStrip } from "../scene/render-strip.js";
 import { stepWords, warnings } from "../scene/scene-notices.js";
 import { sidesFromUrl } from "../scene/sides.js";
 import { sideNames } from "../compare/job-differences.js";
-import { cardPicture, removeScene } from "./scene-card.js";
+import { removeScene } from "./scene-card.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
