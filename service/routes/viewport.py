@@ -1,4 +1,4 @@
-"""WS /api/scenes/{id}/viewport: interactive views of a scene. No job is created, and nothing is stored.
+"""WS /api/scenes/{id}/viewport: interactive views of a scene. No job is created, and only a poster is stored.
 
 Messages: protocol/viewport.py; pictures: protocol/pictures.py. First a small picture is sent, then the whole view with an
 increasing number of samples. With graphics cards, a draft of the view comes first, and all else when no further view has been

@@ -1,1 +1,1 @@
-"""Live views: interactive pictures of scenes, rendered by workers without a job and not stored."""
+"""Live views: interactive pictures of scenes, rendered by workers without a job, of which one picture a scene is kept."""

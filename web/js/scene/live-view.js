@@ -1,6 +1,6 @@
 /**
- * The live view of a scene: the farm renders the form's current request while the user navigates. It is not a job, and nothing
- * is stored.
+ * The live view of a scene: the farm renders the form's current request while the user navigates. It is not a job; the farm keeps
+ * one picture of the view that a scene is opened with, its poster.
  */
 
 import { h, setText } from "../base/dom.js";

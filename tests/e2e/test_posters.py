@@ -1,0 +1,100 @@
+"""Tests of the first picture of a scene that is opened again: as sharp and as bright as the view becomes."""
+
+from __future__ import annotations
+
+import io
+
+import httpx
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from renderer.denoise import is_available
+from tests.e2e.small_glb import small_glb
+from tests.helpers import Farm, wait_until
+
+SIZE = {"width": 1280, "height": 720}
+CLEAN = "try { localStorage['rayfarm-view-noise'] ??= '0.02'; } catch { /* a page without an origin */ }"
+# Resolves once the page of the scene has painted its view's first picture, whatever that is.
+FIRST = """() => new Promise((done) => {
+    const look = () => {
+        const view = document.querySelector('.live-view');
+        const shown = view?.style.backgroundImage || view?.querySelector('canvas.mesh:not([hidden])');
+        if (shown) requestAnimationFrame(() => requestAnimationFrame(() => done(view.style.backgroundImage)));
+        else requestAnimationFrame(look);
+    };
+    look();
+})"""
+
+SETTLED = """() => {
+    const { samples, denoised } = document.querySelector('.live-view')?.dataset ?? {};
+    return Number(samples) >= 16 && denoised === 'true';
+}"""
+
+
+def pixels(page: Page) -> np.ndarray:
+    """Returns the view's middle as it is on the page, (h, w) luminance: without the pills and tools over its edges."""
+    picture = Image.open(io.BytesIO(page.locator(".live-view").screenshot(animations="disabled"))).convert("L")
+    values = np.asarray(picture, np.float64)
+    height, width = values.shape
+    return values[height // 5 : -height // 5, width // 6 : -width // 6]
+
+
+def sharpness(picture: np.ndarray) -> float:
+    """Returns the energy of the picture's Laplacian."""
+    middle = picture[1:-1, 1:-1]
+    laplacian = picture[:-2, 1:-1] + picture[2:, 1:-1] + picture[1:-1, :-2] + picture[1:-1, 2:] - 4 * middle
+    return float((laplacian**2).mean())
+
+
+def new_page(context: BrowserContext, url: str) -> Page:
+    page = context.new_page()
+    page.goto(f"{url}/#/")
+    expect(page.locator(".card a.name").first).to_be_visible()
+    page.wait_for_load_state("networkidle")
+    return page
+
+
+def open_from_card(page: Page, scene: str) -> None:
+    page.locator(f'.card a.name[href$="{scene}"]').click(no_wait_after=True)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not is_available(), reason="views are not denoised without Open Image Denoise")
+@pytest.mark.parametrize("example", [None, "spheres"])
+def test_first_picture_of_reopened_scene_is_what_the_view_becomes(farm: Farm, browser: Browser, example: str | None) -> None:
+    if example is None:
+        file = {"files": ("cube.glb", small_glb("posters"), "model/gltf-binary")}
+        answer = httpx.post(f"{farm.url}/api/scenes", files=file, data={"floor": "auto"})
+    else:
+        answer = httpx.post(f"{farm.url}/api/examples/{example}")
+    scene = answer.raise_for_status().json()["id"]
+    with farm.client() as client:
+        client.wait_for_scene(scene)
+    context = browser.new_context(viewport=SIZE, device_scale_factor=1)  # type: ignore[arg-type]
+    context.add_init_script(CLEAN)
+    page = new_page(context, farm.url)
+    open_from_card(page, scene)
+    page.wait_for_function(SETTLED, timeout=240_000)
+    address = f"{farm.url}/api/scenes/{scene}"
+    wait_until(lambda: httpx.get(address).json()["poster"] is not None, 60, "the scene has a poster")
+    page.locator("canvas.mesh").wait_for(state="hidden")
+    page.wait_for_timeout(1000)
+    settled = pixels(page)
+    context.close()
+
+    context = browser.new_context(viewport=SIZE, device_scale_factor=1)  # type: ignore[arg-type]
+    context.add_init_script(CLEAN)
+    page = new_page(context, farm.url)  # of a browser that has seen nothing before
+    open_from_card(page, scene)
+    shown = page.evaluate(FIRST)
+    assert f"/api/scenes/{scene}/poster.jpg" in shown or f"api/scenes/{scene}/poster.jpg" in shown
+    first = pixels(page)
+    assert first.shape == settled.shape, "no other size"
+    assert abs(first - settled).mean() < 3, "neither brightness nor framing jumps"
+    assert 0.5 < sharpness(first) / sharpness(settled) < 2, "as sharp as the view"
+    small = np.asarray(Image.fromarray(settled.astype(np.uint8)).resize((170, 90)).resize(settled.shape[::-1]), np.float64)
+    assert sharpness(small) < 0.4 * sharpness(settled), "a thumbnail would not be"
+    assert page.locator(".live-view canvas.mesh:not([hidden])").count() == 0
+    context.close()
