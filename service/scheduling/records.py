@@ -371,7 +371,7 @@ class Records:
     def add_thumbnail(self, id: str, thumbnail: BlobRef) -> bool:
         """Stores the thumbnail of a prepared scene. Returns False if the scene already has one or is deleted."""
         with self._sessions.begin() as session:
-            scene = session.get(Scene, id)
+            scene = session.get(Scene, id, with_for_update=True)  # a poster may be added meanwhile
             if scene is None or scene.info is None or scene.info.get("thumbnail"):
                 return False
             scene.info = {**scene.info, "thumbnail": asdict(thumbnail)}

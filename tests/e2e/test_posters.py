@@ -76,7 +76,7 @@ def test_first_picture_of_reopened_scene_is_what_the_view_becomes(farm: Farm, br
     context.add_init_script(CLEAN)
     page = new_page(context, farm.url)
     open_from_card(page, scene)
-    page.wait_for_function(SETTLED, timeout=240_000)
+    wait_until(lambda: page.evaluate(SETTLED), 240, "the view is clear")
     address = f"{farm.url}/api/scenes/{scene}"
     wait_until(lambda: httpx.get(address).json()["poster"] is not None, 60, "the scene has a poster")
     page.locator("canvas.mesh").wait_for(state="hidden")
