@@ -77,8 +77,8 @@ class Posters:
         self._board = board
         self._events = events
         self._taken: queue.SimpleQueue[SettledPicture | None] = queue.SimpleQueue()
-        self._given: dict[str, float] = {}  # by session: worth of its latest picture that was looked at
-        self._refused: set[str] = set()  # scenes whose posters could not be rendered
+        self._given: dict[str, float] = {}  # by session: samples per pixel of its latest picture that was stored or rejected
+        self._tried: set[str] = set()  # scenes whose posters were rendered, or cannot be
         self._renders = renders
         self._may_lack = True  # whether scenes may lack posters
         self._busy_at = time.monotonic()
@@ -132,11 +132,11 @@ class Posters:
             open_ids.add(session.id)
             if session.request is None or not session.request.is_home:
                 continue
-            worth = session.mean_samples
-            if worth < max(MIN_DENOISED, GROWTH * self._given.get(session.id, 0.0)) and not session.is_done:
+            samples, given = session.mean_samples, self._given.get(session.id, 0.0)
+            if samples <= given or (samples < max(MIN_DENOISED, GROWTH * given) and not session.is_done):
                 continue
             picture = session.settled_picture(MIN_NOISY, MIN_DENOISED)
-            if picture is not None and picture.samples > self._given.get(session.id, 0.0):
+            if picture is not None and picture.samples > given:
                 self._given[session.id] = picture.samples
                 self.store(picture)
         self._given = {id: samples for id, samples in self._given.items() if id in open_ids}
@@ -181,23 +181,25 @@ class Posters:
         self._garbage.collect(put)
         return is_put
 
-    def _is_idle(self) -> bool:
-        """Returns True if workers are ready and nothing else needs them."""
+    def _is_idle(self, own: ViewSession | None = None) -> bool:
+        """Returns True if workers are ready and nothing needs them but the view `own`, if it is given."""
         board = self._board.latest
         has_work = bool(board.preparing) or board.batches_out > 0 or any(each.state in ACTIVE for each in board.jobs.values())
         ready = [report for report in board.roster.ready_reports() if report.views]
-        return board.fault is None and not has_work and bool(ready)
+        others = [each for each in self._views.sessions() if each is not own and not each.is_paused]
+        is_viewed = any(each.request is None or not each.is_done for each in others)
+        return board.fault is None and not has_work and not is_viewed and bool(ready)
 
     def _render_missing(self) -> None:
         """Renders the poster of one scene that lacks it, once the farm has been idle for IDLE_S."""
-        if not self._is_idle() or self._views.sessions():
+        if not self._is_idle():
             self._busy_at = time.monotonic()
         if not self._renders or not self._may_lack or time.monotonic() - self._busy_at < IDLE_S:
             return
         self._may_lack = False
         with self._sessions() as session:
             latest = select(Scene).where(Scene.of.is_(None), Scene.status == "ready").order_by(Scene.created.desc()).limit(RECENT)
-            scenes = [each for each in session.scalars(latest) if each.id not in self._refused and _lacks_poster(each)]
+            scenes = [each for each in session.scalars(latest) if each.id not in self._tried and _lacks_poster(each)]
         for scene in scenes[:1]:
             self._may_lack = True
             self._render(scene)
@@ -207,25 +209,29 @@ class Posters:
         try:
             request = home_view(scene, SAMPLES)
         except FarmError:
-            self._refused.add(scene.id)
+            self._tried.add(scene.id)
+            return
+        if request.settings.is_transparent:  # a JPEG has no alpha
+            self._tried.add(scene.id)
             return
         session = ViewSession(lambda: None)
         until = time.monotonic() + MAX_RENDER_S
         self._views.request_view(session, request)
-        picture = None
         try:
-            while picture is None and self._is_idle() and not any(each is not session for each in self._views.sessions()):
+            while self._is_idle(session):
                 if self._stopping.wait(POLL_S / 2):
                     return
                 picture = session.settled_picture(SAMPLES, SAMPLES)
-                if picture is None and (session.error or time.monotonic() > until):
-                    self._refused.add(scene.id)
-                    return
+                if picture is not None or session.error is not None or time.monotonic() > until:
+                    self._tried.add(scene.id)
+                    break
+            else:
+                self._busy_at = time.monotonic()
+                return
         finally:
             self._views.close_session(session)
-        self._busy_at = time.monotonic() if picture is None else self._busy_at
-        if picture is not None and not self.store(picture):
-            self._refused.add(scene.id)
+        if picture is not None:
+            self.store(picture)
 
 
 def is_better(made: dict[str, Any], present: dict[str, Any] | None) -> bool:

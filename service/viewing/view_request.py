@@ -134,10 +134,13 @@ def home_view(scene: Scene, samples: int = MAX_SAMPLES) -> ViewRequest:
 
 
 def shows_home(view: ViewRequest, scene: Scene) -> bool:
-    """Returns True if a view of a ready scene differs from `home_view` in size, samples and noise at most."""
+    """Returns True if a view of a ready scene differs from `home_view` in size, samples and noise at most.
+
+    Returns False for a transparent background.
+    """
     shown = view.settings
     cameras: list[dict[str, Any]] = (scene.info or {}).get("cameras") or []
-    if scene.of is not None or not cameras or shown.view != View.from_json(cameras[0]["view"]):
+    if scene.of is not None or shown.is_transparent or not cameras or shown.view != View.from_json(cameras[0]["view"]):
         return False  # as for most requests, while the camera turns
     try:
         own = home_view(scene)
