@@ -21,3 +21,6 @@ export const CARD_WIDTH = devicePixelRatio > 1 ? 640 : 480;
 
 /** Returns the URL of a job's picture on a card or in a row. @param {import("../base/types.js").Job} job */
 export const cardPicture = (job) => imageUrl({ job: job.id, frame: firstFrame(job) }, thumbnailFormat(job), { width: CARD_WIDTH, visible: "true", ...lookOfJob(job), v: job.samples });
+
+/** Returns the mean samples per pixel of a job. @param {import("../base/types.js").Job} job */
+export const perPixel = ({ samples, shot, width, height }) => samples / Math.max((width ?? 1) * (height ?? 1) * (shot?.count ?? 1), 1);

@@ -5,7 +5,7 @@ import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { jobRowOf, shownUrl } from "../news/shown-images.js";
 import { workers } from "../news/farm.js";
 import { LiveFilm } from "./live-film.js";
-import { CARD_WIDTH, jobLook, lookOfJob } from "./job-look.js";
+import { CARD_WIDTH, jobLook, lookOfJob, perPixel } from "./job-look.js";
 import { isMixed } from "./light-mix.js";
 import { pictureStage } from "./picture-stage.js";
 import { outlinesOf } from "./tile-outlines.js";
@@ -116,9 +116,6 @@ const NOISY_SPP = 16;
 /** Whether the picture in a list is as large as the job's. @param {Job} job */
 const isSmall = ({ width }) => (width ?? 0) <= CARD_WIDTH;
 
-/** Returns the mean samples per pixel of a job. @param {Job} job */
-const perPixel = ({ samples, shot, width, height }) => samples / Math.max((width ?? 1) * (height ?? 1) * (shot?.count ?? 1), 1);
-
 /**
  * Returns the URLs of a job's picture until its film is here: the small copy that a list has shown, one of about the stage's size, and
  * its latest denoised preview in full resolution.
@@ -131,10 +128,11 @@ function posterOf(job, frame, { exposure, curve, channel }) {
   const { id, samples } = job;
   if (!samples || channel) return null;
   const usual = jobLook(job);
+  const isUsual = exposure === usual.exposure && curve === usual.curve;
   /** @type {Record<string, string | number>} */
-  const look = exposure === usual.exposure && curve === usual.curve ? { visible: "true", ...lookOfJob(job), v: samples } : { v: samples, exposure, tonemap: curve };
+  const look = isUsual ? { visible: "true", ...lookOfJob(job), v: samples } : { v: samples, exposure, tonemap: curve };
   const url = (/** @type {Record<string, string | number>} */ query) => imageUrl({ job: id, frame }, thumbnailFormat(job), { ...query, ...look });
-  const nearest = look["exposure"] === undefined && frame === firstFrame(job) ? shownUrl(jobRowOf(id)) : "";
+  const nearest = isUsual && frame === firstFrame(job) ? shownUrl(jobRowOf(id)) : "";
   const isWhole = nearest !== "" && isSmall(job);
   return { nearest, near: isWhole ? nearest : url({ width: POSTER_WIDTH }), clean: url({ denoise: "true", preview: "true", wait: "false" }) };
 }

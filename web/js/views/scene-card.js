@@ -1,6 +1,6 @@
 /** A scene's card on the front page. */
 
-import { cardPicture } from "../film/job-look.js";
+import { cardPicture, perPixel } from "../film/job-look.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { deleteScene, posterUrl, thumbnailUrl } from "../news/api.js";
 import { h, setFacts, setText } from "../base/dom.js";
@@ -104,14 +104,19 @@ export function refusedRow(scene) {
   };
 }
 
+/** Samples per pixel from which a job's picture, which may have its noise, is clearer than a poster. */
+const CLEAR_SPP = 64;
+
 /**
- * The finished picture of a scene in its own light that has the most samples; of several, the latest. Better than a thumbnail.
+ * The finished picture of a scene in its own light that has the most samples; of several, the latest. Better than a thumbnail, and with
+ * CLEAR_SPP samples than a poster.
  * @param {Scene} scene
  * @returns {string | undefined}
  */
-function renderedOf({ id }) {
+function renderedOf(scene) {
+  const least = posterUrl(scene) ? CLEAR_SPP : 0;
   const asUploaded = (/** @type {Job} */ job) => !job.environment && job.variant == null && job.up == null && job.floor == null;
-  const found = (jobs.value ?? []).filter((each) => each.scene === id && each.state === "finished" && each.samples > 0 && asUploaded(each));
+  const found = (jobs.value ?? []).filter((each) => each.scene === scene.id && each.state === "finished" && each.samples > 0 && perPixel(each) >= least && asUploaded(each));
   const quality = (/** @type {Job} */ { samples, shot }) => samples / Math.max(shot?.count ?? 1, 1);
   const job = found.toSorted((a, b) => quality(b) - quality(a))[0];
   return job && cardPicture(job);
