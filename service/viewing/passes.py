@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from renderer.denoise import CLEAN_GUIDE_SAMPLES
 from renderer.settings import Tile, tiles_of
 
 __all__ = ["FIRST_PICTURE_S", "GUIDES_AFTER", "GUIDE_SAMPLES", "DraftSize", "Level", "Passes", "Piece", "draft_size", "levels_of"]
@@ -30,7 +31,7 @@ UNMEASURED_PIECES, MAX_CARD_PIECES = 16, 256  # of a message to a graphics card 
 DRAFT_S = 0.02  # in which a card renders a draft
 DRAFT_SAMPLES = 4
 DRAFT_STEPS = 8  # sizes of drafts are multiples of the view's size divided by this, so that they seldom change
-GUIDE_SAMPLES = 16  # samples per pixel whose albedo and normal guide the denoiser, which then takes them as free of noise
+GUIDE_SAMPLES = CLEAN_GUIDE_SAMPLES  # samples per pixel whose albedo and normal guide the denoiser
 GUIDES_AFTER = 4  # samples per pixel before the first hits alone of the others are rendered
 GUIDE_COST = 0.3  # of a sample's first hit, in samples; 0.3 to 0.35 measured
 MAX_LEVEL_RATIO = 8.0  # largest ratio of pixels between two levels

@@ -46,7 +46,7 @@ export const SHARP_SPP = 4;
  * Samples per pixel from which a denoised picture replaces the sharp preview mesh, whose edges those of fewer are rougher than; after each of these
  * times, in milliseconds, half as many do.
  */
-export const [CLEAR_SPP, HALVED_MS] = [8, 1500];
+export const [CLEAR_SPP, HALVED_MS] = [8, 3000];
 /** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
 const POOR = 0.6;
 

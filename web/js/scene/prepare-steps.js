@@ -115,7 +115,7 @@ export function prepareSteps(scene) {
      * @param {string} message why there are no new ones; "": there are
      */
     follow(samples, all, message) {
-      const n = samples < 1 ? Number(samples.toPrecision(1)) : Math.floor(samples);
+      const n = Math.round(samples);
       doing = message || (n < all ? t("{n} of {all} samples", { n, all }) : t("Denoising …"));
     },
     /** The first picture is seen. */
