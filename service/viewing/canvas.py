@@ -109,7 +109,7 @@ class Canvas:
             self.changed[tile] = None
 
     def add_guides(self, tile: int, count: int, sums: Sums) -> None:
-        """Adds albedo and normal of `count` samples of a tile, which guide the denoiser. tile: its index. sums: (planes, h, w)."""
+        """Adds albedo and normal of `count` samples of a tile to the denoiser's guides. tile: its index. sums: (planes, h, w)."""
         place = self._slices(tile)
         for planes, of in ((slice(0, 3), ALBEDO), (slice(3, 6), NORMAL)):
             self._guides[planes, place[0], place[1]] += (sums[of] * 2.0**-self.film_exponent).astype(np.float32)

@@ -156,7 +156,7 @@ class ViewSession:
             self._denoised = DenoisedView() if denoises else None
 
     def settings_of(self, piece: Piece) -> RenderSettings:
-        """Returns the render settings of a piece: those of the view, with its level's width and height; a guide's have depth 1."""
+        """Returns the render settings of a piece: those of the view, with its level's size; a guide's have depth 1."""
         assert self.settings is not None
         assert self.passes is not None
         of = self.passes.levels[piece.level]

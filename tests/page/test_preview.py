@@ -237,10 +237,11 @@ JUDGES = """
     const now = performance.now();
     const sampledAt = a.waited === undefined ? 0 : now - a.waited;
     let isReleased = false;
-    const cover = { sampledAt, hasKept: a.kept ?? false, isMeshShown: true, isChanged: false, keptLight: "", meanwhile: { isFinished: false } };
-    const page = { mesh: { distance: 0.1 }, surface: { style: {} }, willBeDenoised: () => true };
+    const cover = { sampledAt, hasKept: a.kept ?? false, isMeshShown: true, isChanged: false, keptLight: "" };
+    const page = { meanwhile: {}, mesh: { distance: 0.1 }, surface: { style: {} }, willBeDenoised: () => true };
     const calls = { release: () => (isReleased = true), keepNewer() {} };
-    const state = { mean: a.mean, shown: a.shown, done: a.done ?? false, denoised: true, isLatest: true, share: a.share ?? 1, light: "" };
+    const { mean, shown, done = false, share = 1 } = a;
+    const state = { mean, shown, done, share, denoised: true, isLatest: true, light: "" };
     m.Cover.prototype.judge.call({ ...cover, ...page, ...calls }, state, undefined);
     return isReleased;"""
 

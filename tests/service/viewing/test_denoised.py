@@ -79,7 +79,7 @@ def test_lost_picture_is_tried_again_later(clock: list[float]) -> None:
 
 
 def test_canvas_gives_means_of_colour_and_guides() -> None:
-    """Colour is the mean of all samples, albedo and normal are those of the guides, which are complete once every tile has all."""
+    """Colour is the mean of all samples, albedo and normal are of the guides, which are complete once every tile has all."""
     tiles = [Tile(0, 0, 8, 6), Tile(8, 0, 4, 6)]
     canvas = Canvas(Level(12, 6, 64, tiles), 24, has_guides=True)
     for index, tile in enumerate(tiles):
