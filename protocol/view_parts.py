@@ -22,6 +22,7 @@ from renderer.settings import RenderSettings, Tile
 __all__ = [
     "ANSWERS_TTL_S",
     "CARD_VIEW_QUEUES",
+    "CLEAN_GUIDE_SAMPLES",
     "DENOISE_VIEW",
     "MAX_ANSWERS",
     "RENDER_VIEW",
@@ -47,6 +48,7 @@ CARD_VIEW_QUEUES = "rayfarm.card-view."
 ANSWERS_TTL_S = 20
 MAX_ANSWERS = 1000  # in the list: the oldest go, and are asked for again
 MAX_PART_S = 3600.0
+CLEAN_GUIDE_SAMPLES = 16  # samples per pixel from which a denoiser takes albedo and normal as free of noise
 
 
 def view_queue(kind: str) -> str:

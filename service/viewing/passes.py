@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from renderer.denoise import CLEAN_GUIDE_SAMPLES
+from protocol.view_parts import CLEAN_GUIDE_SAMPLES
 from renderer.settings import Tile, tiles_of
 
 __all__ = ["FIRST_PICTURE_S", "GUIDES_AFTER", "GUIDE_SAMPLES", "DraftSize", "Level", "Passes", "Piece", "draft_size", "levels_of"]

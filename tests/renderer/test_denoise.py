@@ -97,7 +97,6 @@ def test_preview_denoising_reduces_the_error(pictures):
 def test_guides_of_enough_samples_are_taken_as_clean(pictures):
     """Away from edges the error is lower than with the same guides taken as noisy, and at edges it is about the same."""
     (reference, albedo, normal), noisy = pictures
-    assert denoise.CLEAN_GUIDE_SAMPLES <= 16, "as many as these pictures have"
     edges = edges_of(albedo, normal)
     for where, bound in ((~edges, 0.0), (edges, np.log(1.05))):
         ratios = []

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from protocol.contract import VERSION_SEPARATOR, DenoiseFrame, GuideScene
+from protocol.view_parts import CLEAN_GUIDE_SAMPLES
 from renderer import jit
-from renderer.denoise import CLEAN_GUIDE_SAMPLES
 from renderer.denoise_guides import guide_kernel, guide_scene, guiding_albedo
 from renderer.errors import RayfarmError
 from renderer.render import is_warm
