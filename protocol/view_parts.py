@@ -22,6 +22,7 @@ from renderer.settings import RenderSettings, Tile
 __all__ = [
     "ANSWERS_TTL_S",
     "CARD_VIEW_QUEUES",
+    "CLEAN_GUIDE_SAMPLES",
     "DENOISE_VIEW",
     "MAX_ANSWERS",
     "RENDER_VIEW",
@@ -47,6 +48,7 @@ CARD_VIEW_QUEUES = "rayfarm.card-view."
 ANSWERS_TTL_S = 20
 MAX_ANSWERS = 1000  # in the list: the oldest go, and are asked for again
 MAX_PART_S = 3600.0
+CLEAN_GUIDE_SAMPLES = 16  # samples per pixel from which a denoiser takes albedo and normal as free of noise
 
 
 def view_queue(kind: str) -> str:
@@ -147,7 +149,8 @@ class ViewDenoise:
     """Request to denoise a live view's picture of width x height pixels.
 
     The worker downloads it from /api/farm/views/{message}: mean colour, albedo and normal, one after another, each
-    (height, width, 3) float32 little-endian.
+    (height, width, 3) float32 little-endian. has_clean_guides: whether albedo and normal are of so many samples that the filter
+    takes them as free of noise.
     """
 
     message: str
@@ -155,6 +158,7 @@ class ViewDenoise:
     view: int
     width: int
     height: int
+    has_clean_guides: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """Returns the message as JSON data for Celery."""
@@ -163,7 +167,8 @@ class ViewDenoise:
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> ViewDenoise:
         """Parses the JSON data from `to_json`. Raises KeyError, ValueError or TypeError."""
-        return cls(data["message"], data["watch"], int(data["view"]), int(data["width"]), int(data["height"]))
+        size = int(data["width"]), int(data["height"])
+        return cls(data["message"], data["watch"], int(data["view"]), *size, bool(data.get("has_clean_guides")))
 
 
 @dataclass(frozen=True)

@@ -54,12 +54,14 @@ def denoise(color: F32, albedo: F32, normal: F32, threads: int | None = None) ->
     return denoise_with_guides(color, albedo, normal, threads).color
 
 
-def denoise_fast(color: F32, albedo: F32, normal: F32, threads: int | None = None) -> F32:
-    """Returns a denoised image in a third of the time of `denoise`: the guides are not denoised first, so edges are less sharp.
+def denoise_fast(color: F32, albedo: F32, normal: F32, threads: int | None = None, *, has_clean_guides: bool = False) -> F32:
+    """Returns a denoised image in a sixth of the time of `denoise`: the guides are not denoised first, so edges are less sharp.
 
-    threads: None for all cores. Raises SettingsError if Open Image Denoise is not installed or fails.
+    has_clean_guides: takes the guides as free of noise, as those of 16 samples per pixel nearly are: then it is as smooth
+    as `denoise`, in a third of its time. Guides of fewer samples fray the edges. threads: None for all cores. Raises
+    SettingsError if Open Image Denoise is not installed or fails.
     """
-    return _denoise(color, albedo, normal, threads or 0, guides_first=False).color
+    return _denoise(color, albedo, normal, threads or 0, guides_first=False, has_clean_guides=has_clean_guides).color
 
 
 def denoise_preview(color: F32, albedo: F32, normal: F32) -> F32:
@@ -84,7 +86,10 @@ def denoise_with_guides(color: F32, albedo: F32, normal: F32, threads: int | Non
     return _denoise(color, albedo, normal, threads or 0, guides_first=True)
 
 
-def _denoise(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first: bool) -> DenoisedPicture:
+def _denoise(
+    color: F32, albedo: F32, normal: F32, threads: int, *, guides_first: bool, has_clean_guides: bool = False
+) -> DenoisedPicture:
+    filtering = {"guides_first": guides_first, "has_clean_guides": has_clean_guides or guides_first}
     try:
         import pyoidn
     except (ImportError, OSError) as error:
@@ -97,10 +102,10 @@ def _denoise(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first
         ) from error
     if _wants_card():
         try:
-            return _denoise_on(pyoidn, pyoidn.OIDN_DEVICE_TYPE_CUDA, color, albedo, normal, threads, guides_first=guides_first)
+            return _denoise_on(pyoidn, pyoidn.OIDN_DEVICE_TYPE_CUDA, color, albedo, normal, threads, **filtering)
         except SettingsError as error:
             _warn_once(f"{error}. The processor denoises in the card's place")
-    return _denoise_on(pyoidn, pyoidn.OIDN_DEVICE_TYPE_CPU, color, albedo, normal, threads, guides_first=guides_first)
+    return _denoise_on(pyoidn, pyoidn.OIDN_DEVICE_TYPE_CPU, color, albedo, normal, threads, **filtering)
 
 
 def _wants_card() -> bool:
@@ -119,7 +124,7 @@ def _warn_once(sentence: str) -> None:
 
 
 def _denoise_on(
-    pyoidn: Any, kind: int, color: F32, albedo: F32, normal: F32, threads: int, *, guides_first: bool
+    pyoidn: Any, kind: int, color: F32, albedo: F32, normal: F32, threads: int, *, guides_first: bool, has_clean_guides: bool
 ) -> DenoisedPicture:
     """Denoises on a device of a kind, one of the library's. Raises SettingsError if it fails or there is no such device."""
     with contextlib.ExitStack() as ends:
@@ -160,7 +165,9 @@ def _denoise_on(
             guide = np.ascontiguousarray(image, np.float32)
             guides[name] = run(np.empty_like(guide), {name: guide}) if guides_first else guide
         noisy = np.clip(np.ascontiguousarray(color, np.float32), 0, _RANGE)
-        return DenoisedPicture(run(np.empty_like(noisy), {"color": noisy, **guides}, hdr=True, cleanAux=guides_first), **guides)
+        return DenoisedPicture(
+            run(np.empty_like(noisy), {"color": noisy, **guides}, hdr=True, cleanAux=has_clean_guides), **guides
+        )
 
 
 def _check(device: Any) -> None:

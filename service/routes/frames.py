@@ -70,7 +70,7 @@ IN_SHOT_HELP = (
 PREVIEW_HELP = (
     "with denoise: a quick denoised preview, of the samples that X-Samples says, unless the denoised picture of all samples is "
     "stored already; the response then has X-Preview: true. While the job renders it is renewed when the samples have doubled, "
-    "and for at most a twentieth of the workers' time"
+    "and for at most a twentieth of the workers' time, or a fifth below 64 samples per pixel"
 )
 WAIT_HELP = "false, with preview: the latest preview, also if a better one is due, or 409 if there is none"
 MIX_HELP = (

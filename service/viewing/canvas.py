@@ -12,12 +12,11 @@ from renderer import film
 from renderer.film import ALBEDO, ALPHA_PLANES, CHANNELS, COLOR, COLOR_HALF, NORMAL, SAMPLES, SAMPLES_HALF, Sums
 from service.scheduling.jobs.active_frame import FIRST_ESTIMATE_SAMPLES
 from service.scheduling.jobs.plan import first_check
-from service.viewing.passes import Level
+from service.viewing.passes import GUIDE_SAMPLES, Level
 
-__all__ = ["BYTES_A_PIXEL", "GROWTH", "GUIDE_SAMPLES", "Canvas"]
+__all__ = ["BYTES_A_PIXEL", "GROWTH", "Canvas"]
 
 BYTES_A_PIXEL = 52  # in memory; 32 more with alpha
-GUIDE_SAMPLES = 8  # samples per pixel whose albedo and normal guide the denoiser: more are hardly smoother
 GROWTH = 1.5  # a tile is shown again with so many times the samples: less is hardly visible
 
 
@@ -26,8 +25,8 @@ class Canvas:
 
     Each range of a tile's samples is added once; the order does not matter. noise: relative noise at which a tile is complete,
     checked at 32, 64, 128 ... samples; None: tiles get all samples. Tiles of few pixels are checked later (`first_check`).
-    is_transparent: whether the background is, so that tiles have alpha. has_guides: whether the first GUIDE_SAMPLES samples have
-    albedo and normal, too.
+    is_transparent: whether the background is, so that tiles have alpha. has_guides: whether it has sums of albedo and
+    normal (`add_guides`).
     """
 
     def __init__(
@@ -55,6 +54,7 @@ class Canvas:
         self._alpha = np.zeros((ALPHA_PLANES, level.height, level.width), np.int64) if is_transparent else None
         shape = (7, level.height, level.width) if has_guides else (7, 0, 0)
         self._guides = np.zeros(shape, np.float32)  # sums of albedo and normal, and their samples
+        self._guide_counts = np.zeros(len(level.tiles), np.int64)  # samples per pixel of the guides, by tile
 
     @property
     def samples(self) -> int:
@@ -99,10 +99,6 @@ class Canvas:
         self._samples[half][place] += sums[SAMPLES].astype(np.int16)
         if self._alpha is not None:
             self._alpha[:, place[0], place[1]] += sums[film.alpha_plane(0) :]
-        if self._guides.size and first < GUIDE_SAMPLES:
-            for planes, of in ((slice(0, 3), ALBEDO), (slice(3, 6), NORMAL)):
-                self._guides[planes, place[0], place[1]] += (sums[of] * 2.0**-self.film_exponent).astype(np.float32)
-            self._guides[6][place] += sums[SAMPLES]
         self._counts[tile] += count
         has = int(self._counts[tile])
         if has >= max(FIRST_ESTIMATE_SAMPLES, 2 * self._measured_at[tile]) or has >= self.level.samples >= FIRST_ESTIMATE_SAMPLES:
@@ -111,6 +107,19 @@ class Canvas:
                 self._ended[tile] = True
         if self.tile_is_complete(tile) or has >= GROWTH * self._shown[tile]:
             self.changed[tile] = None
+
+    def add_guides(self, tile: int, count: int, sums: Sums) -> None:
+        """Adds albedo and normal of `count` samples of a tile to the denoiser's guides. tile: its index. sums: (planes, h, w)."""
+        place = self._slices(tile)
+        for planes, of in ((slice(0, 3), ALBEDO), (slice(3, 6), NORMAL)):
+            self._guides[planes, place[0], place[1]] += (sums[of] * 2.0**-self.film_exponent).astype(np.float32)
+        self._guides[6][place] += sums[SAMPLES]
+        self._guide_counts[tile] += count
+
+    @property
+    def has_all_guides(self) -> bool:
+        """Returns True if every tile has the guides of GUIDE_SAMPLES samples."""
+        return bool((self._guide_counts >= GUIDE_SAMPLES).all())
 
     def take_tile(self, tile: int) -> tuple[npt.NDArray[np.float32], int, bool, npt.NDArray[np.uint8] | None]:
         """Returns a tile's mean colour, shape (3, h, w), its samples per pixel, and whether it is complete; then its alpha.

@@ -13,15 +13,16 @@ __all__ = ["DenoisedView"]
 
 F32 = npt.NDArray[np.float32]
 LOST_S = 1.0  # until the next is tried after one was lost
-REST = 3.0  # times the duration of the last denoising until the next begins
+REST, EARLY_REST = 3.0, 1.0  # times the duration of the last denoising until the next begins; and after one of few samples
+EARLY_SAMPLES = 8.0  # samples per pixel below which a denoised picture is rough
 
 
 class DenoisedView:
     """State of a view's denoising. Not thread-safe.
 
     The small pictures of a new view are denoised once each, so that the view is soon clean. The whole one is denoised at 1, 2, 4,
-    8 ... samples per pixel and at the end, one at a time, and for at most a quarter of the time. Once one was shown, pictures
-    with noise are not, so that the view does not flicker.
+    8 ... samples per pixel and at the end, one at a time, and for at most a quarter of the time, or half of it while it has fewer
+    than EARLY_SAMPLES. Once one was shown, pictures with noise are not, so that the view does not flicker.
     """
 
     def __init__(self, *, keeps: bool = False) -> None:
@@ -30,6 +31,7 @@ class DenoisedView:
         self.kept: tuple[npt.NDArray[np.uint32], float] | None = None  # RGB9E5 words (h, w), and mean samples per pixel
         self.means: bytes | None = None  # of the picture that is being denoised: colour, albedo, normal
         self.has_shown = False
+        self.shown_samples = 0.0  # mean samples per pixel of the picture shown last; 0: a small one
         self.level = -1  # resolution level of the latest picture, or of the one that is being denoised
         self._samples = 0.0  # mean samples per pixel of the latest denoised picture
         self._asked = 0.0  # those of the picture that is being denoised
@@ -64,7 +66,8 @@ class DenoisedView:
         """Stores the denoised picture, RGB9E5 words (h, w); None: it was lost, and the next is tried after a while."""
         now = time.monotonic()
         if self._asked:  # a small picture takes hardly any time
-            self._rests_until = now + REST * (now - self._began)
+            rest = EARLY_REST if self._asked < EARLY_SAMPLES else REST
+            self._rests_until = now + rest * (now - self._began)
         self.means = None
         if words is None:
             self._lost_until = now + LOST_S
@@ -82,4 +85,5 @@ class DenoisedView:
         """Returns the latest picture, (3, h, w), and its mean samples per pixel (0: a small one), and counts it as shown."""
         assert self._picture is not None
         picture, self._picture, self.has_shown = self._picture, None, True
+        self.shown_samples = self._samples
         return np.ascontiguousarray(np.moveaxis(picture, -1, 0)), self._samples

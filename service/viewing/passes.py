@@ -3,7 +3,9 @@
 A piece is a range of samples of one tile. The first picture is as large as the farm can render in FIRST_PICTURE_S seconds at
 the measured cost of a sample. If the whole view takes much longer, a picture of medium size follows. The whole view is then
 rendered with 1, 2, 4, 8 ... samples per pixel. All samples of a piece are in one half (renderer.film.in_half), so that the
-noise can be estimated from the sums of the halves. A piece takes about PIECE_TARGET_S seconds, so that slots soon become free
+noise can be estimated from the sums of the halves. A view that is denoised gets the first hits of further samples after
+GUIDES_AFTER samples, which cost less than a third of whole paths: the denoiser's guides are then smooth before its colour is.
+ A piece takes about PIECE_TARGET_S seconds, so that slots soon become free
 for a new view. A message to a worker has several pieces, so that its round trip is short compared with its rendering.
 """
 
@@ -15,9 +17,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from protocol.view_parts import CLEAN_GUIDE_SAMPLES
 from renderer.settings import Tile, tiles_of
 
-__all__ = ["FIRST_PICTURE_S", "DraftSize", "Level", "Passes", "Piece", "draft_size", "levels_of"]
+__all__ = ["FIRST_PICTURE_S", "GUIDES_AFTER", "GUIDE_SAMPLES", "DraftSize", "Level", "Passes", "Piece", "draft_size", "levels_of"]
 
 FIRST_PICTURE_S = 0.035
 PIECE_TARGET_S = 0.03
@@ -28,6 +31,9 @@ UNMEASURED_PIECES, MAX_CARD_PIECES = 16, 256  # of a message to a graphics card 
 DRAFT_S = 0.02  # in which a card renders a draft
 DRAFT_SAMPLES = 4
 DRAFT_STEPS = 8  # sizes of drafts are multiples of the view's size divided by this, so that they seldom change
+GUIDE_SAMPLES = CLEAN_GUIDE_SAMPLES  # samples per pixel whose albedo and normal guide the denoiser
+GUIDES_AFTER = 4  # samples per pixel before the first hits alone of the others are rendered
+GUIDE_COST = 0.3  # of a sample's first hit, in samples; 0.3 to 0.35 measured
 MAX_LEVEL_RATIO = 8.0  # largest ratio of pixels between two levels
 
 
@@ -35,13 +41,14 @@ MAX_LEVEL_RATIO = 8.0  # largest ratio of pixels between two levels
 class Piece:
     """A unit of work: the samples first ... first + count - 1 of one tile of one resolution level.
 
-    level, tile: indices.
+    level, tile: indices. is_guide: whether only the first hits of the samples are rendered, to guide the denoiser.
     """
 
     level: int
     tile: int
     first: int
     count: int
+    is_guide: bool = False
 
 
 @dataclass(frozen=True)
@@ -98,22 +105,26 @@ def levels_of(width: int, height: int, samples: int, cost_s: float, slots: int, 
 
 
 class Passes:
-    """The order in which the pieces of a view are rendered. cost_s: seconds per sample of a pixel on one slot."""
+    """The order in which the pieces of a view are rendered.
 
-    def __init__(self, levels: list[Level], cost_s: float) -> None:
+    cost_s: seconds per sample of a pixel on one slot. has_guides: whether the view is denoised.
+    """
+
+    def __init__(self, levels: list[Level], cost_s: float, *, has_guides: bool = False) -> None:
         self.levels = levels
         self._cost_s = cost_s
+        self._has_guides = has_guides
         self._pieces = self._all_pieces()
         self._lost: deque[Piece] = deque()
         self._held: Piece | None = None
         self._ended: set[tuple[int, int]] = set()
 
     def next_message(self) -> list[Piece]:
-        """Returns the pieces of the next message, all from one level; an empty list if no pieces remain."""
+        """Returns the pieces of the next message, all of one level and one kind; an empty list if no pieces remain."""
         chosen: list[Piece] = []
         expected = 0.0
         while (piece := self._next_piece()) is not None:
-            if chosen and (piece.level != chosen[0].level or expected >= self._message_target_s(piece.level)):
+            if chosen and (not _is_alike(piece, chosen[0]) or expected >= self._message_target_s(piece.level)):
                 self._held = piece
                 break
             chosen.append(piece)
@@ -121,7 +132,7 @@ class Passes:
         return chosen
 
     def next_card_message(self, cost_s: float | None) -> list[Piece]:
-        """Returns the pieces of the next message to a graphics card, all from one level; an empty list if no pieces remain.
+        """Returns the pieces of the next message to a graphics card, all of one level and kind; an empty list if none remain.
 
         cost_s: seconds per sample of a pixel on the card; None if unknown. Of a small first picture it gets all that remains.
         """
@@ -129,7 +140,7 @@ class Passes:
         expected = 0.0
         most = MAX_CARD_PIECES if cost_s else UNMEASURED_PIECES
         while (piece := self._next_piece()) is not None:
-            if chosen and (piece.level != chosen[0].level or expected >= CARD_MESSAGE_TARGET_S or len(chosen) >= most):
+            if chosen and (not _is_alike(piece, chosen[0]) or expected >= CARD_MESSAGE_TARGET_S or len(chosen) >= most):
                 self._held = piece
                 break
             chosen.append(piece)
@@ -147,7 +158,7 @@ class Passes:
     def expected_s(self, piece: Piece) -> float:
         """Returns the expected time to render a piece on one slot, in seconds."""
         tile = self.levels[piece.level].tiles[piece.tile]
-        return self._cost_s * tile.w * tile.h * piece.count
+        return self._cost_s * tile.w * tile.h * piece.count * (GUIDE_COST if piece.is_guide else 1.0)
 
     def _message_target_s(self, level: int) -> float:
         return 0.0 if level == 0 and len(self.levels) > 1 else MESSAGE_TARGET_S
@@ -174,6 +185,19 @@ class Passes:
                         for at in range(begin, end, at_once):
                             yield Piece(number, tile, at, min(at_once, end - at))
                 first += count
+                if self._has_guides and first == GUIDES_AFTER and number == len(self.levels) - 1:
+                    yield from self._guide_pieces(number)
+
+    def _guide_pieces(self, number: int) -> Iterator[Piece]:
+        for tile, rect in enumerate(self.levels[number].tiles):
+            at_once = max(1, int(PIECE_TARGET_S / (GUIDE_COST * self._cost_s * rect.w * rect.h)))
+            for at in range(GUIDES_AFTER, GUIDE_SAMPLES, at_once):
+                yield Piece(number, tile, at, min(at_once, GUIDE_SAMPLES - at), is_guide=True)
+
+
+def _is_alike(a: Piece, b: Piece) -> bool:
+    """Returns True if one message may have both pieces: it has one size and one set of settings."""
+    return (a.level, a.is_guide) == (b.level, b.is_guide)
 
 
 def _tiles(width: int, height: int, cost_s: float, at_least: int) -> list[Tile]:

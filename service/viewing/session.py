@@ -21,9 +21,9 @@ from protocol.viewport import Picked
 from renderer.film import Sums
 from renderer.image import rgbe9995
 from renderer.settings import RenderSettings
-from service.viewing.canvas import GUIDE_SAMPLES, Canvas
+from service.viewing.canvas import Canvas
 from service.viewing.denoised import DenoisedView
-from service.viewing.passes import DraftSize, Passes, Piece, levels_of
+from service.viewing.passes import GUIDES_AFTER, DraftSize, Passes, Piece, levels_of
 from service.viewing.view_request import ViewRequest
 
 __all__ = ["SettledPicture", "ViewSession"]
@@ -154,7 +154,7 @@ class ViewSession:
             denoises = denoises and not seen.is_transparent  # the denoiser makes no alpha
             if draft is not None and not denoises and not seen.is_transparent and self.view != self._undrafted:
                 self.draft_size, levels = draft, levels[-1:]
-            self.passes = Passes(levels, cost_s)
+            self.passes = Passes(levels, cost_s, has_guides=denoises)
             self._canvases = [
                 Canvas(
                     level,
@@ -167,18 +167,21 @@ class ViewSession:
             ]
             self._denoised = DenoisedView(keeps=self.request.is_home) if denoises else None
 
-    def settings_of(self, level: int) -> RenderSettings:
-        """Returns the render settings of a level: those of the view, with the level's width and height. level: its index."""
+    def settings_of(self, piece: Piece) -> RenderSettings:
+        """Returns the render settings of a piece: those of the view, with its level's size; a guide's have depth 1."""
         assert self.settings is not None
         assert self.passes is not None
-        of = self.passes.levels[level]
-        return replace(self.settings, width=of.width, height=of.height)
+        of = self.passes.levels[piece.level]
+        max_depth = 1 if piece.is_guide else self.settings.max_depth
+        return replace(self.settings, width=of.width, height=of.height, max_depth=max_depth)
 
     def add(self, piece: Piece, sums: Sums) -> None:
         """Adds the sums of a piece to the picture. Ignores a piece of a tile that needs no more samples."""
         with self._lock:
             canvas = self._canvases[piece.level]
-            if canvas.tile_is_complete(piece.tile):  # arrived after the tile had reached its noise target
+            if self._denoised is not None and _has_guides(piece):
+                canvas.add_guides(piece.tile, piece.count, sums)
+            if piece.is_guide or canvas.tile_is_complete(piece.tile):  # it may have reached its noise target meanwhile
                 return
             canvas.add(piece.tile, piece.first, piece.count, sums)
             self.has_picture = self.has_picture or canvas.samples > 0
@@ -187,23 +190,27 @@ class ViewSession:
 
     def needs_guides(self, pieces: list[Piece]) -> bool:
         """Returns True if albedo and normal of these pieces, which are of one level, guide the denoiser."""
-        return self._denoised is not None and any(piece.first < GUIDE_SAMPLES for piece in pieces)
+        return self._denoised is not None and any(map(_has_guides, pieces))
 
-    def begin_denoising(self) -> tuple[int, int] | None:
-        """Takes the picture to denoise if one is due; returns its width and height. `means_to_denoise` has it then."""
+    def begin_denoising(self) -> tuple[int, int, bool] | None:
+        """Takes the picture to denoise if one is due, which `means_to_denoise` has then.
+
+        Returns its width and height, and whether its guides are free of noise.
+        """
         with self._lock:
             if self._denoised is None or not self._canvases:
                 return None
             last = len(self._canvases) - 1
             canvas = self._canvases[last]
-            if self._denoised.is_due(canvas.samples, canvas.mean_samples, canvas.is_complete):
+            awaits_guides = canvas.samples >= GUIDES_AFTER and not canvas.has_all_guides and not canvas.is_complete
+            if not awaits_guides and self._denoised.is_due(canvas.samples, canvas.mean_samples, canvas.is_complete):
                 self._denoised.begin(*canvas.means(), canvas.mean_samples, last)
-                return canvas.level.width, canvas.level.height
+                return canvas.level.width, canvas.level.height, canvas.has_all_guides
             for level in range(last - 1, -1, -1):
                 canvas = self._canvases[level]
                 if self._denoised.is_small_due(level, canvas.is_complete):
                     self._denoised.begin(*canvas.means(), canvas.mean_samples, level, is_whole=False)
-                    return canvas.level.width, canvas.level.height
+                    return canvas.level.width, canvas.level.height, False
             return None
 
     @property
@@ -275,6 +282,12 @@ class ViewSession:
                 return SettledPicture(self.request.upload, canvas.mean_color(), canvas.mean_samples, False)
             upload = self.request.upload
         return SettledPicture(upload, rgbe9995.unpack(words), samples, True)
+
+    @property
+    def denoised_samples(self) -> float | None:
+        """Mean samples per pixel of the denoised picture that was taken last (0: a small one); None if there is none."""
+        denoised = self._denoised
+        return denoised.shown_samples if denoised is not None and denoised.has_shown else None
 
     @property
     def samples(self) -> int:
@@ -373,3 +386,8 @@ class ViewSession:
             if may_be_mixed and now - self._taken >= min(max(SHOW_EVERY_S, 0.05 * (now - self.begun)), SHOW_CONVERGED_S):
                 return level
         return None
+
+
+def _has_guides(piece: Piece) -> bool:
+    """Returns True if a piece's albedo and normal are added to the guides of a view that is denoised."""
+    return piece.is_guide or piece.first < GUIDES_AFTER

@@ -287,7 +287,7 @@ class ViewScheduler:
             parts = [Part(number, tiles[piece.tile], piece.first, piece.count) for number, piece in enumerate(pieces)]
             queue = card_view_queue(card) if card else ""
             out = PendingMessage(session, session.view, session.kind, dict(enumerate(pieces)), queue=queue, card=card)
-            settings = session.settings_of(pieces[0].level)
+            settings = session.settings_of(pieces[0])
             about = (out.id, session.id, session.view, session.compiled)
             self._send(out, ViewParts(*about, settings, parts, has_guides=session.needs_guides(pieces), on_card=bool(card)))
 
@@ -357,10 +357,10 @@ class ViewScheduler:
 
     def _send_denoise(self, session: ViewSession) -> None:
         """Sends a message with the picture to denoise, if one is due."""
-        size = session.begin_denoising()
-        if size is not None:
+        picture = session.begin_denoising()
+        if picture is not None:
             out = PendingMessage(session, session.view, session.kind, denoises=True)
-            self._send(out, ViewDenoise(out.id, session.id, session.view, *size))
+            self._send(out, ViewDenoise(out.id, session.id, session.view, *picture))
 
     def _send_draft(self, session: ViewSession) -> None:
         """Sends a message for the view's draft, once a card has room for it; if none has in time, the view has no draft."""
@@ -499,7 +499,9 @@ class ViewScheduler:
         tile = session.passes.levels[piece.level].tiles[piece.tile]
         session.add(piece, unpack_sums(answer.sums, tile, planes=GUIDED if session.needs_guides([piece]) else PLAIN))
         cost_s = seconds / (tile.w * tile.h * piece.count)
-        if out.card:
+        if piece.is_guide:
+            pass  # costs less than a sample
+        elif out.card:
             self._cards.update(session.request, out.card, cost_s)
         else:
             self._costs.update(session.request, cost_s)

@@ -10,9 +10,10 @@ DUE = """
     const film = new Film(4, 2);
     for (const [x, spp] of a.tiles) film.put({ x, y: 0, w: 2, h: 2, spp, words: new Uint32Array(4) });
     const look = a.look && { total: a.look };
-    const state = { value: { channel: "denoised", waiting: false, error: null } };
+    const state = { value: { channel: "denoised", waiting: false, error: a.failed ? new Error("503") : null } };
+    const previewAt = performance.now() + (a.failed ?? 0);
     const live = { film, look, isAgain: a.again, side: 2, isRendering: a.rendering ?? true };
-    return m.PictureSide.prototype.isPreviewDue.call({ live, state, previewAt: 0, madeOf: a.made ?? Infinity });"""
+    return m.PictureSide.prototype.isPreviewDue.call({ live, state, previewAt, madeOf: a.made ?? Infinity });"""
 
 
 def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> None:
@@ -30,6 +31,31 @@ def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> N
     assert is_due(tiles=[[0, 8], [2, 8]], look=64, again=True) is True
     assert is_due(tiles=[[0, 4], [2, 4]], made=17) is False
     assert is_due(tiles=[[0, 4], [2, 4]], made=16) is True
+
+
+def test_failed_preview_is_asked_for_again(node: Node) -> None:
+    """Otherwise the picture of few samples would stay until the job has ended."""
+    enough = {"tiles": [[0, 4], [2, 4]], "made": 8}
+    assert node.call("film/picture-side", DUE, {**enough, "failed": 5000}) is False
+    assert node.call("film/picture-side", DUE, {**enough, "failed": -1}) is True
+
+
+FAILS = """
+    const real = globalThis.fetch;
+    globalThis.fetch = async () => new Response("{}", { status: 500 });
+    const state = { value: { channel: "denoised" }, update: (change) => (state.value = change(state.value)) };
+    const live = { job: "j", frame: 0, film: { total: 8 }, isRendering: true };
+    const side = { state, live, fetching: new AbortController(), fetched: {}, previewAt: 0, filmHasMoreSamples: () => true };
+    const before = performance.now();
+    await m.PictureSide.prototype.fetch.call(side);
+    globalThis.fetch = real;
+    return [side.previewAt - before, state.value.waiting, String(state.value.error) !== "null"];"""
+
+
+def test_preview_rests_after_a_failure(node: Node) -> None:
+    rest_ms, waits, has_error = node.call("film/picture-side", FAILS)
+    assert (waits, has_error) == (False, True)
+    assert 9000 <= rest_ms <= 60_000
 
 
 LOOKS = """

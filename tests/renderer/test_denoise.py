@@ -93,6 +93,19 @@ def test_preview_denoising_reduces_the_error(pictures):
     assert ratios.mean() + 3 * ratios.std(ddof=1) / np.sqrt(len(ratios)) < 0, ratios
 
 
+@pytest.mark.long
+def test_guides_of_enough_samples_are_taken_as_clean(pictures):
+    """Away from edges the error is lower than with the same guides taken as noisy, and at edges it is about the same."""
+    (reference, albedo, normal), noisy = pictures
+    edges = edges_of(albedo, normal)
+    for where, bound in ((~edges, 0.0), (edges, np.log(1.05))):
+        ratios = []
+        for inputs in noisy:
+            quick, clean = (denoise.denoise_fast(*inputs, has_clean_guides=is_clean) for is_clean in (False, True))
+            ratios.append(np.log(rmse(clean, reference, where) / rmse(quick, reference, where)))
+        assert np.mean(ratios) + 3 * np.std(ratios, ddof=1) / np.sqrt(len(ratios)) < bound, np.exp(ratios)
+
+
 def test_denoising_is_deterministic_and_keeps_its_inputs(rendered):
     inputs = rendered(1, 16)
     copies = [image.copy() for image in inputs]

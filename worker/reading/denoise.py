@@ -23,16 +23,21 @@ def denoise(
     link: Link,
     *,
     is_preview: bool = False,
+    has_clean_guides: bool = False,
     threads: int | None = None,
 ) -> dict[str, Any]:
     """Writes the denoised colour as float32 to the file `result`. Returns an empty answer.
 
     means: path of the file with the frame's mean colour, albedo and normal, float32, each (height, width, 3). is_preview: in a
-    third of the time or less, with edges that are less sharp. threads: None for all cores.
+    third of the time or less, with edges that are less sharp. has_clean_guides: of a preview, whether its albedo and normal are
+    taken as free of noise. threads: None for all cores.
     """
     color, albedo, normal = np.fromfile(folder_of(means), "<f4").reshape(3, height, width, 3)
-    clean = library.denoise_fast if is_preview else library.denoise
-    clean(color, albedo, normal, threads).astype("<f4").tofile(folder_of(result))
+    if is_preview:
+        picture = library.denoise_fast(color, albedo, normal, threads, has_clean_guides=has_clean_guides)
+    else:
+        picture = library.denoise(color, albedo, normal, threads)
+    picture.astype("<f4").tofile(folder_of(result))
     return {}
 
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from protocol.contract import VERSION_SEPARATOR, DenoiseFrame, GuideScene
+from protocol.view_parts import CLEAN_GUIDE_SAMPLES
 from renderer import jit
 from renderer.denoise_guides import guide_kernel, guide_scene, guiding_albedo
 from renderer.errors import RayfarmError
@@ -59,7 +60,12 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
             _guide(worker, work, work.guide, means)
         paths = os.fsencode(means), os.fsencode(room.out / DENOISED)
         threads = 1 if work.is_preview else None  # the other cores render
-        job = partial(denoise, *paths, work.width, work.height, is_preview=work.is_preview, threads=threads)
+        options = {
+            "is_preview": work.is_preview,
+            "has_clean_guides": samples >= CLEAN_GUIDE_SAMPLES * work.width * work.height,
+            "threads": threads,
+        }
+        job = partial(denoise, *paths, work.width, work.height, **options)
         began = time.monotonic()
         room.run(job, "The picture", SECONDS, memory=MEMORY_BYTES + BYTES_A_PIXEL * work.width * work.height)
         seconds = time.monotonic() - began

@@ -36,7 +36,9 @@ def denoise_view(worker: WorkerContext, work: ViewDenoise) -> None:
         with ReaderFolder("denoise") as room:
             means = room.scene / "means.f32"
             retry_temporary(lambda: _fetch(worker, work, means), PATIENCE_S)
-            job = partial(denoise, os.fsencode(means), os.fsencode(room.out / DENOISED), work.width, work.height, is_preview=True)
+            paths = os.fsencode(means), os.fsencode(room.out / DENOISED)
+            guides = {"has_clean_guides": work.has_clean_guides}
+            job = partial(denoise, *paths, work.width, work.height, is_preview=True, **guides)
             room.run(job, "The picture", SECONDS, memory=MEMORY_BYTES + BYTES_A_PIXEL * work.width * work.height)
             picture = np.fromfile(room.result(DENOISED), "<f4").reshape(work.height, work.width, 3)
         answering.send("denoised", rgbe9995.pack(picture).astype("<u4").tobytes())

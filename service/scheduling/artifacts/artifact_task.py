@@ -196,7 +196,7 @@ class ArtifactTask(ABC, Generic[Request]):
             old = self._made.get(key)
             if is_there:
                 self._made[key] = result
-                self._record_made(result)
+                self._record_made(result, wanted.request)
         if not is_there:
             wanted.answer.set_exception(self._failure(""))
             return
@@ -209,8 +209,8 @@ class ArtifactTask(ABC, Generic[Request]):
     def _save_made(self) -> None:
         """Called after a change of the stored artifacts, in the thread that queries the blob store."""
 
-    def _record_made(self, result: ArtifactResult) -> None:
-        """Called with each artifact that was made, under the lock."""
+    def _record_made(self, result: ArtifactResult, request: Request) -> None:
+        """Called with each artifact that was made, and its request, under the lock."""
 
     def release(self, job: str, frame: int) -> None:
         """Releases a frame's artifact, if it was made."""

@@ -23,7 +23,7 @@ from service.access.rate_limit import RateLimit
 from service.scenes import takes
 from service.scheduling.records import Records
 from service.viewing import memory_limit
-from service.viewing.canvas import GUIDE_SAMPLES
+from service.viewing.passes import GUIDE_SAMPLES
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
 from tests.service.viewer import look
@@ -79,6 +79,7 @@ def test_view_is_denoised_and_then_never_noisy(service: Service) -> None:
         is_last = lambda: (viewer.read(), np.allclose(rgbe9995.unpack(viewer.words), clean(32), rtol=0.01, atol=0.01))[1]  # noqa: E731
         until(is_last, "it has all samples")
         assert 1 <= len(worker.denoised) <= 7, "at doubled samples, and at the end"
+        until(lambda: (viewer.read(), viewer.states[-1]["denoised_samples"] == 32)[1], "the state says of how many samples it is")
         viewer.show(2, spp=32, seed=3)
         until(lambda: (viewer.read(), viewer.pictures[-1][0] == 2 and viewer.is_exact.all())[1], "it is not denoised")
         np.testing.assert_array_equal(

@@ -9,9 +9,9 @@ from renderer import film
 from renderer.image import rgbe9995
 from renderer.settings import Tile
 from service.viewing import denoised
-from service.viewing.canvas import GUIDE_SAMPLES, Canvas
-from service.viewing.denoised import LOST_S, REST, DenoisedView
-from service.viewing.passes import Level
+from service.viewing.canvas import Canvas
+from service.viewing.denoised import EARLY_REST, EARLY_SAMPLES, LOST_S, REST, DenoisedView
+from service.viewing.passes import GUIDE_SAMPLES, Level
 from tests.service.peer_worker import expected_sums
 
 PICTURE = np.full((2, 3, 3), 0.5, np.float32)
@@ -39,10 +39,18 @@ def test_picture_is_denoised_at_doubled_samples_in_a_part_of_the_time(clock: lis
     np.testing.assert_array_equal(mean, np.moveaxis(PICTURE, -1, 0))
     assert not view.is_due(8, 8.0, False), "it rests"
     assert view.is_due(8, 8.0, True), "but not before the last picture"
-    clock[0] += REST * 2.0
+    clock[0] += EARLY_REST * 2.0
     assert view.is_due(2, 2.0, False)
     assert not view.is_due(1, 1.9, False)
     assert not view.is_due(1, 1.0, True), "nothing new"
+    view.begin(PICTURE, PICTURE, PICTURE, EARLY_SAMPLES)
+    clock[0] += 2.0
+    view.end(rgbe9995.pack(PICTURE))
+    assert view.shown_samples == 1, "the next is not taken yet"
+    clock[0] += EARLY_REST * 2.0
+    assert not view.is_due(16, 16.0, False), "a good picture rests longer"
+    clock[0] += (REST - EARLY_REST) * 2.0
+    assert view.is_due(16, 16.0, False)
 
 
 def test_small_pictures_are_denoised_once_each_and_the_whole_one_waits_for_none(clock: list[float]) -> None:
@@ -71,12 +79,15 @@ def test_lost_picture_is_tried_again_later(clock: list[float]) -> None:
 
 
 def test_canvas_gives_means_of_colour_and_guides() -> None:
-    """Colour is the mean of all samples; albedo and normal are those of the first GUIDE_SAMPLES."""
+    """Colour is the mean of all samples, albedo and normal are of the guides, which are complete once every tile has all."""
     tiles = [Tile(0, 0, 8, 6), Tile(8, 0, 4, 6)]
     canvas = Canvas(Level(12, 6, 64, tiles), 24, has_guides=True)
     for index, tile in enumerate(tiles):
         for first, count in ((0, 1), (1, 7), (8, 8)):
             canvas.add(index, first, count, expected_sums(tile, first, count, 0))
+        assert not canvas.has_all_guides
+        canvas.add_guides(index, GUIDE_SAMPLES, expected_sums(tile, 0, GUIDE_SAMPLES, 0))
+    assert canvas.has_all_guides
     whole = Tile(0, 0, 12, 6)
     color, albedo, normal = canvas.means()
     np.testing.assert_allclose(color, film.mean(expected_sums(whole, 0, 16, 0), 24), rtol=1e-5)

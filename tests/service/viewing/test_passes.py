@@ -8,7 +8,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from service.viewing.passes import DRAFT_S, FIRST_PICTURE_S, Passes, Piece, draft_size, levels_of
+from service.viewing.passes import (
+    DRAFT_S,
+    FIRST_PICTURE_S,
+    GUIDE_SAMPLES,
+    GUIDES_AFTER,
+    Passes,
+    Piece,
+    draft_size,
+    levels_of,
+)
 
 
 def all_of(passes: Passes) -> list[list[Piece]]:
@@ -35,6 +44,22 @@ def test_each_sample_is_in_exactly_one_piece(cost: float, slots: int) -> None:
         for tile in level.tiles:
             covered[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += 1
         assert (covered == 1).all()
+
+
+@pytest.mark.parametrize("cost", [1e-8, 1e-5, 1e-2])
+def test_guides_follow_the_first_samples_in_messages_of_their_own(cost: float) -> None:
+    levels = levels_of(160, 90, 64, cost, 2)
+    sent = all_of(Passes(levels, cost, has_guides=True))
+    assert all(len({(piece.level, piece.is_guide) for piece in pieces}) == 1 for pieces in sent)
+    whole = [piece for pieces in sent for piece in pieces if piece.level == len(levels) - 1]
+    numbers = {tile: [] for tile in range(len(levels[-1].tiles))}
+    for place, piece in enumerate(whole):
+        if piece.is_guide:
+            numbers[piece.tile] += range(piece.first, piece.first + piece.count)
+            assert all(each.first < GUIDES_AFTER for each in whole[:place] if not each.is_guide)
+    assert all(found == list(range(GUIDES_AFTER, GUIDE_SAMPLES)) for found in numbers.values())
+    plain = [piece for pieces in all_of(Passes(levels, cost)) for piece in pieces]
+    assert [piece for pieces in sent for piece in pieces if not piece.is_guide] == plain, "all samples besides"
 
 
 def test_first_picture_respects_time_limit() -> None:

@@ -110,7 +110,8 @@ def test_denoised_picture_is_exact_before_the_view_is_complete(session: ViewSess
     """The steps of coarse brightness, 2 %, are blotches where noise does not hide them."""
     show(session, 1, denoises=True)
     add_samples(session, 0, 1)
-    width, height = session.begin_denoising() or (0, 0)
+    width, height, has_clean_guides = session.begin_denoising() or (0, 0, True)
+    assert not has_clean_guides
     gradient = np.full((height, width, 3), np.linspace(0.46, 0.5, width, dtype=np.float32)[:, None], np.float32)
     session.end_denoising(rgbe9995.pack(gradient).astype("<u4").tobytes())
     packet = session.take_packet(1)

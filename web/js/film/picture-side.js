@@ -23,6 +23,8 @@ const EVERY_MS = 3000;
 const SETTLE_MS = 300;
 /** Interval at which a preview may become due. */
 const PREVIEW_MS = 400;
+/** Time after which a preview that could not be made or fetched is asked for again. */
+const FAILED_MS = 10_000;
 /** Samples per pixel from which a preview replaces the live view's picture, even if that has more. */
 const ENOUGH_SAMPLES = 8;
 /** Time, in milliseconds, after which a finished picture is shown with its noise, if the denoised one has not come. */
@@ -117,9 +119,9 @@ export class PictureSide {
 
   /** Whether a preview is to be fetched: of every tile, better than what is shown, and while the page is seen. */
   isPreviewDue() {
-    const { channel, waiting, error } = this.state.value;
+    const { channel, waiting } = this.state.value;
     const { film, look, isAgain, side = 0, isRendering } = this.live;
-    if (channel !== DENOISED || !isRendering || waiting || error || document.hidden || performance.now() < this.previewAt) return false;
+    if (channel !== DENOISED || !isRendering || waiting || document.hidden || performance.now() < this.previewAt) return false;
     if (this.madeOf !== Infinity) return film.total >= 2 * this.madeOf;
     const enough = look ? Math.min(look.total, isAgain ? Infinity : ENOUGH_SAMPLES * film.width * film.height) : 0;
     return side > 0 && film.total >= enough && film.tileSamples(side).every((samples) => samples > 0);
@@ -267,6 +269,7 @@ export class PictureSide {
       }
     } catch (error) {
       if (signal.aborted) return;
+      this.previewAt = performance.now() + FAILED_MS;
       if (channel === DENOISED && !this.fetched) this.layer.setFilm(this.live.film);
       this.state.update((state) => ({ ...state, error }));
     } finally {

@@ -23,7 +23,7 @@ import { meshPicture } from "./view-pictures.js";
  * @property {string} nearest the same picture, smaller, which the page has loaded before; "": none
  * @property {boolean} isFinished
  * @property {boolean} isSame whether it is of the same view
- * @property {{element: HTMLElement, isOpen: boolean, end: () => void}} steps of an upload, shown until the first picture
+ * @property {{element: HTMLElement, isOpen: boolean, follow: (samples: number, all: number, message: string) => void, end: () => void}} steps of an upload, shown until the first picture
  * @property {boolean} [isClear] whether it was this very view, or the scene's poster, when it was clear
  */
 
@@ -40,10 +40,15 @@ const [DENOISED_MS, RELIT_MS, DENOISED_SPP] = [15_000, 2000, 64];
 const COVERED_MS = 500;
 /** Part of the view's width that a denoised picture must have to replace the preview mesh. */
 const FINE_SHARE = 0.75;
-/** Samples per pixel with which a denoised view replaces a picture of itself that was clear. */
-const CLEAR_SPP = 16;
-/** Samples per pixel after which a denoised view is clear, and one that is not denoised replaces a preview mesh, a thumbnail or nothing: fewer are noise. */
+/** Samples per pixel with which a denoised picture replaces a picture of itself that was clear. */
+const POSTER_SPP = 16;
+/** Samples per pixel after which a view is clear enough to be kept, and one that is not denoised replaces a preview mesh, a thumbnail or nothing: fewer are noise. */
 export const SHARP_SPP = 4;
+/**
+ * Samples per pixel from which a denoised picture replaces the sharp preview mesh, whose edges those of fewer are rougher than; after each of these
+ * times, in milliseconds, half as many do.
+ */
+export const [CLEAR_SPP, HALVED_MS] = [8, 3000];
 /** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
 const POOR = 0.6;
 
@@ -290,6 +295,7 @@ export class Cover {
    *
    * @param {object} state of the picture
    * @param {number} state.mean samples per pixel
+   * @param {number} state.shown those of the picture: a denoised one may have fewer than the view has by now
    * @param {boolean} state.done
    * @param {boolean} state.denoised
    * @param {boolean} state.isLatest whether it is of the latest request
@@ -297,18 +303,20 @@ export class Cover {
    * @param {string} state.light of the latest request
    * @param {Requested | undefined} shown the request of the picture
    */
-  judge({ mean, done, denoised, isLatest, share, light }, shown) {
+  judge({ mean, shown: spp, done, denoised, isLatest, share, light }, shown) {
     const { mesh, meanwhile, hasKept } = this;
     this.sampledAt = mean < MESH_SPP ? 0 : this.sampledAt || performance.now(); // another view begins anew
+    const waited = this.sampledAt && performance.now() - this.sampledAt;
     const patience = hasKept && this.keptLight !== light ? RELIT_MS : DENOISED_MS;
-    const isDenoisedSoon = this.willBeDenoised() && !(this.sampledAt && performance.now() - this.sampledAt > patience);
+    const isDenoisedSoon = this.willBeDenoised() && waited <= patience;
     const isCleanBelow = meanwhile.isFinished && !this.isMeshShown;
     // The preview mesh is sharp: what replaces it must be as fine, and not smeared by denoising few samples.
     const isMeshTrue = !hasKept && this.isMeshShown && !this.isChanged;
     const isClearBelow = isMeshTrue || (isCleanBelow && Boolean(meanwhile.isClear));
-    const isSharp = !isClearBelow || done || (!isDenoisedSoon && !meanwhile.isClear) || mean >= (isMeshTrue ? SHARP_SPP : CLEAR_SPP);
+    const isDue = isMeshTrue ? !isDenoisedSoon || spp >= CLEAR_SPP * 2 ** (-waited / HALVED_MS) : (!isDenoisedSoon && !meanwhile.isClear) || spp >= POSTER_SPP;
+    const isSharp = !isClearBelow || (done && spp >= mean) || isDue;
     const isEmptyBelow = !this.isMeshShown && !this.surface.style.backgroundImage;
-    const isEnough = mean >= (isEmptyBelow ? SHARP_SPP : isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : hasKept ? MESH_SPP : SHARP_SPP);
+    const isEnough = spp >= (isEmptyBelow ? SHARP_SPP : isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : hasKept ? MESH_SPP : SHARP_SPP);
     // A small picture replaces the kept one only where that is of the same camera, or shows little of the view.
     const isFine = share >= FINE_SHARE || (hasKept && this.isMeshShown && [0, 1].includes(mesh.distance));
     const isReady = (done && !isDenoisedSoon) || (denoised && isFine && isSharp) || (isEnough && (isFine || !isMeshTrue));

@@ -13,7 +13,7 @@ import { Viewport } from "../film/viewport.js";
 import { addPart } from "../shell/layouts.js";
 import { PREPARING, clarity, clarityField } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
-import { Cover, SHARP_SPP, projectionOf } from "./cover.js";
+import { CLEAR_SPP, Cover, SHARP_SPP, projectionOf } from "./cover.js";
 import { darknessNotice } from "./darkness-notice.js";
 import { denoiseView } from "./denoise-view.js";
 import { exposureHand } from "./exposure-hand.js";
@@ -245,11 +245,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       surface.dataset.samples = String(samples);
       if (done || mean >= SHARP_SPP) settledId = id;
       if (done && hand.awaitsLight) lookForDarkness(pictureId()); // no further picture comes
-      cover.judge({ mean, done, denoised, isLatest, share: film.film.width / size.width, light: next.light }, requests.get(id ?? 0));
+      const shown = denoised ? (found.denoised_samples ?? mean) : mean;
+      cover.judge({ mean, shown, done, denoised, isLatest, share: film.film.width / size.width, light: next.light }, requests.get(id ?? 0));
       followCover();
       setDenoised(denoised);
-      if (isLatest && (done || (denoised && mean >= SHARP_SPP))) clearId = id;
+      if (isLatest && (done || (denoised && shown >= SHARP_SPP))) clearId = id;
       if (id !== null && isLatest && pictureId() === id && (done || mean >= WHOLE_SPP)) dark.explain(id, done || mean >= BLACK_SPP);
+      meanwhile.steps.follow(Math.min(mean, CLEAR_SPP), CLEAR_SPP, saidOf(found, "message"));
       if (message) say(saidOf(found, "message"));
       else if (bound) say(clarity(mean, noise, done, cover.isInstead, denoised), done);
       state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");

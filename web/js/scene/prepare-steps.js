@@ -67,6 +67,8 @@ export const secondsText = (seconds) => t("{n} s", { n: seconds < 10 ? seconds.t
 export function prepareSteps(scene) {
   const times = new StepTimes(uploadSeconds.get(scene) ?? null);
   let isOver = false;
+  /** What the last step is doing. */
+  let doing = "";
   const list = h("ol", { class: "steps small number" });
   const now = () => performance.now() / 1000;
   const tick = () => {
@@ -77,7 +79,7 @@ export function prepareSteps(scene) {
       const took = isCurrent ? now() - times.since : times.took[step];
       // Skipped steps were already done.
       if (step === "compile" && !isCurrent && took === undefined) return null;
-      const hint = isCurrent && h("span", { class: "quiet small" }, step === "compile" ? compileWords(took ?? 0) : reasonOf(took ?? 0));
+      const hint = isCurrent && h("span", { class: "quiet small" }, step === "compile" ? compileWords(took ?? 0) : (step === "render" && doing) || reasonOf(took ?? 0));
       return h(
         "li",
         { class: isCurrent ? "current" : isDone ? "done" : "", "aria-current": isCurrent ? "step" : null },
@@ -104,6 +106,17 @@ export function prepareSteps(scene) {
     render() {
       times.put("render", now());
       tick();
+    },
+    /**
+     * Says what the last step is doing.
+     *
+     * @param {number} samples per pixel so far
+     * @param {number} all that the picture needs to be shown
+     * @param {string} message why there are no new ones; "": there are
+     */
+    follow(samples, all, message) {
+      const n = Math.round(samples);
+      doing = message || (n < all ? t("{n} of {all} samples", { n, all }) : t("Denoising …"));
     },
     /** The first picture is seen. */
     end() {

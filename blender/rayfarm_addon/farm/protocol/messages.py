@@ -54,6 +54,7 @@ class ViewState(FromService):
     slots: int = 0
     message: str | None = None  # why nothing new comes; None while pictures come
     denoised: bool = False  # whether the picture that is shown is denoised
+    denoised_samples: float | None = None  # its samples per pixel, on average; 0: it is smaller than the view
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ import httpx
 import numpy as np
 import pytest
 
+from protocol.contract import DenoiseFrame
 from renderer.image import rgbe9995
 from service.errors import Conflict
 from service.jobs.denoised import denoised_artifact
@@ -213,7 +214,8 @@ def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyP
     task = DenoisedPreviews.__new__(DenoisedPreviews)
     monkeypatch.setattr(task, "_able_workers", lambda: [SimpleNamespace(slots=2), SimpleNamespace(slots=8)])
     made = ArtifactResult("0" * 64, "v", samples=1000, seconds=1.5)
-    task._record_made(made)
+    request = DenoiseFrame("", "j", 0, 5, 3, is_preview=True)
+    task._record_made(made, request)
     for after, samples, is_recent in (
         (0.0, 1999, True),
         (2.8, 5000, True),  # doubled, but the farm rests for 19 * 1.5 s / 10 slots
@@ -223,6 +225,11 @@ def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyP
     ):
         now[0] = 100.0 + after
         assert task._is_recent(made, samples) is is_recent, (after, samples)
+    now[0] = 100.0
+    task._record_made(made, replace(request, width=50))
+    for after, is_recent in ((0.5, True), (0.7, False)):  # of few samples per pixel: 4 * 1.5 s / 10 slots
+        now[0] = 100.0 + after
+        assert task._is_recent(made, 2000) is is_recent, after
 
 
 def problem(answer: httpx.Response, status: int) -> str:
@@ -341,7 +348,7 @@ def test_frame_of_a_shot_is_denoised_with_its_neighbours(service: Service, worke
 def test_false_duration_of_a_preview_does_not_stop_renewals() -> None:
     workers = SimpleNamespace(roster=SimpleNamespace(ready_reports=list))
     made = DenoisedPreviews(None, workers, None, None)  # type: ignore[arg-type]
-    made._record_made(ArtifactResult("", seconds=1e308))
+    made._record_made(ArtifactResult("", samples=1 << 20, seconds=1e308), DenoiseFrame("", "j", 0, 4, 4))
     assert made._rests_until - time.monotonic() <= previews.REST * previews.MOST_SECONDS
     made.close()
 
