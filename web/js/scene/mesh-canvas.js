@@ -8,7 +8,7 @@ import { studio, unpacked } from "./mesh-environment.js";
 import { lampsOf } from "./mesh-lamps.js";
 import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
-import { MeshShadows } from "./mesh-shadow.js";
+import { FLOOR_REACH, MeshShadows } from "./mesh-shadow.js";
 import { SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
 import { aroundTexture, fillTexture, tablesOf, whiteTexture } from "./mesh-textures.js";
 
@@ -26,8 +26,6 @@ const ALPHA_MODES = { opaque: 0, mask: 1, blend: 2 };
 const DENSE = 300_000;
 /** Corners of a part that its middle is computed from. */
 const SAMPLED = 64;
-/** Interval, in milliseconds, at which a picture with better shadows is shown. */
-const SHOWN_MS = 60;
 /** Roughness of glass from which what is behind it is blurred. */
 const BLURRED = 0.05;
 
@@ -50,9 +48,9 @@ export class MeshCanvas {
     /** What has projected a picture, for the next one: its programs take long to compile. @type {KeptPicture | null} */
     this.projector = null;
     this.pending = 0;
-    /** The next frame in which shadows are computed; when the mesh was drawn; and whether there are shadows that are not shown yet. */
-    this.refining = this.drawnAt = 0;
-    this.hasNews = false;
+    /** The next frame in which shadows are computed; and whether the mesh has been drawn with any. */
+    this.refining = 0;
+    this.hasShadows = false;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** @type {Programs | null} */
     this.programs = this.gl && new Programs(this.gl);
@@ -97,6 +95,7 @@ export class MeshCanvas {
   setMesh(mesh) {
     const { gl } = this;
     this.mesh = mesh;
+    this.hasShadows = false;
     this.release();
     if (!gl || gl.isContextLost()) return; // the picture comes without a preview
     this.places = mesh.parts.map((part) => placeOf(mesh, part));
@@ -211,8 +210,8 @@ export class MeshCanvas {
     kept?.drawBehind(mesh, view, aspect, this.above, this.hasFloor);
     canvas.dataset.drawn = String(mesh.triangles);
     if (isSame) return;
-    this.drawMesh(clipMatrix(view, aspect, mesh.low, mesh.high), mesh, view, kept, { width, height });
-    this.drawnAt = performance.now();
+    const reach = !kept && this.hasFloor ? FLOOR_REACH : 1;
+    this.drawMesh(clipMatrix(view, aspect, mesh.low, mesh.high, reach), mesh, view, kept, { width, height });
     if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
   }
 
@@ -221,13 +220,14 @@ export class MeshCanvas {
     return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && !this.shadows.isDone);
   }
 
-  /** Computes further shadows, and shows them: at intervals, since drawing may take longer than the shadows themselves. */
+  /** Computes further shadows, and shows them: as they become better, or where drawing takes long, the first and the last ones. */
   refine() {
     this.refining = 0;
-    if (!this.shadows || !this.isRefining || this.gl?.isContextLost()) return;
-    this.hasNews = this.shadows.work() || this.hasNews;
-    if (this.hasNews && (!this.isRefining || performance.now() - this.drawnAt > SHOWN_MS)) {
-      this.hasNews = false;
+    const { shadows } = this;
+    if (!shadows || !this.isRefining || this.gl?.isContextLost()) return;
+    const hasChanged = shadows.work();
+    if (!this.isRefining || (hasChanged && (shadows.isFast || !this.hasShadows))) {
+      this.hasShadows = true;
       this.draw();
     }
     if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
@@ -409,7 +409,7 @@ export class MeshCanvas {
     if (!gl || !linked || !mesh) return;
     const { at } = (this.at = linked.at, linked);
     gl.useProgram(linked.program);
-    shadows.setFloor(at);
+    shadows.bindFloor(at);
     gl.uniform1i(at("around"), UNITS.around);
     gl.uniformMatrix4fv(at("toClip"), false, toClip);
     gl.uniform4fv(at("eye"), eye);
@@ -419,7 +419,7 @@ export class MeshCanvas {
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);
-    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
     gl.depthMask(true);
     gl.disable(gl.BLEND);
   }

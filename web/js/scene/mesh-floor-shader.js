@@ -20,10 +20,7 @@ vec3 floorShadow(vec3 place) {
   vec2 edge = 1.0 - smoothstep(0.3, 0.5, abs(uv - 0.5));
   vec3 beside = max(abs(place) - floorBounds, 0.0) * (1.0 - abs(floorPlane.xyz));
   float level = log2(1.0 + BLUR * length(beside) * length(floorX) * FLOOR_TEXELS);
-  float aside = 0.4 * exp2(level) / FLOOR_TEXELS;
-  vec3 sum = vec3(0.0);
-  for (int i = 0; i < 4; i++) sum += 0.25 * textureLod(floorMissed, uv + aside * (2.0 * vec2(i & 1, i >> 1) - 1.0), level).rgb;
-  return edge.x * edge.y * sum;
+  return edge.x * edge.y * textureLod(floorMissed, uv, level).rgb;
 }
 // What of the light reflected by the floor is missing along a ray that goes downward, spread by roughness.
 vec3 missedFrom(vec3 place, vec3 way, float spread) {

@@ -90,7 +90,7 @@ void shadowsAt(vec2 pixel, float depth, float slack, out vec3 missed, out vec4 o
   vec2 at = pixel * perPixel * vec2(size) - 0.5;
   ivec2 first = ivec2(floor(at + 1e-3));
   vec2 share = at - vec2(first);
-  slack += 0.02 * (1.0 - depth) + 3e-4;
+  slack += 0.01 * (1.0 - depth) + 1e-4;
   missed = vec3(0.0);
   open = vec4(0.0);
   float total = 0.0;
@@ -343,50 +343,45 @@ void main() {
 #endif
 }`;
 
-/** The studio's floor, where the camera sees it: also beyond the far plane, which is behind the scene. */
+/** The studio's floor around the scene, as far as its map reaches; what is behind the mesh has the colour of the rest. */
 export const FLOOR_VERTEX = `#version 300 es
 uniform mat4 toClip;
-out vec3 near;
-out vec3 far;
+uniform vec3 corner;
+uniform vec3 alongX;
+uniform vec3 alongY;
+out vec3 place;
 void main() {
-  vec2 at = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
-  mat4 fromClip = inverse(toClip);
-  vec4 start = fromClip * vec4(at, -1.0, 1.0), end = fromClip * vec4(at, 1.0, 1.0);
-  near = start.xyz / start.w;
-  far = end.xyz / end.w;
-  gl_Position = vec4(at, 0.0, 1.0);
+  place = corner + float(gl_VertexID & 1) * alongX + float(gl_VertexID >> 1) * alongY;
+  gl_Position = toClip * vec4(place, 1.0);
 }`;
 export const FLOOR_FRAGMENT = `#version 300 es
 precision highp float;
 precision highp sampler2D;
 uniform float gain;
 uniform int curve;
-uniform mat4 toClip;
+#ifdef LAMPS
 ${LIGHT_GLSL}
-${TONEMAP_GLSL}
 uniform sampler2D floorOpen;
-in vec3 near;
-in vec3 far;
+#else
+${FLOOR_MAP_GLSL}
+#endif
+${TONEMAP_GLSL}
+in vec3 place;
 out vec4 pixel;
 void main() {
-  vec3 way = far - near;
-  float fall = dot(way, floorPlane.xyz);
-  float share = abs(fall) > 1e-9 ? (floorPlane.w - dot(near, floorPlane.xyz)) / fall : -1.0;
-  vec3 place = near + share * way;
-  vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
-  float shown = 1.0 - smoothstep(1.2, 2.0, length(uv - 0.5));
-  if (share <= 0.0 || shown <= 0.0) discard;
-  vec4 seen = toClip * vec4(place, 1.0);
-  gl_FragDepth = min(0.5 + 0.5 * seen.z / seen.w, 0.999999);
-  vec3 diffuse = vec3(0.0), glossy = vec3(0.0);
+  vec3 color = max(floorRadiance - floorAlbedo * floorShadow(place), 0.0);
+  float shown = 1.0;
 #ifdef LAMPS
+  vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
+  vec3 diffuse = vec3(0.0), glossy = vec3(0.0);
   addLamps(place, floorPlane.xyz, normalize(eye.xyz - eye.w * place), 1.0, vec3(0.0), vec3(0.0), texture(floorOpen, uv), diffuse, glossy);
+  color += floorAlbedo * diffuse;
+  shown -= smoothstep(0.3, 0.5, length(uv - 0.5));
 #endif
-  vec3 color = (max(floorRadiance - floorAlbedo * floorShadow(place), 0.0) + floorAlbedo * diffuse) * gain;
 #ifdef CURVES
-  pixel = vec4(displayed(color, curve), 1.0) * shown;
+  pixel = vec4(displayed(color * gain, curve), 1.0) * shown;
 #else
-  pixel = vec4(srgbEncode(neutral(color)), 1.0) * shown;
+  pixel = vec4(srgbEncode(neutral(color * gain)), 1.0) * shown;
 #endif
 }`;
 

@@ -23,6 +23,8 @@ const BATCHES = 4;
 const [MAP, LAMP_MAP] = [2048, 2048];
 /** Half the side length of the floor's map, in radii of the scene. */
 const REACH = 3.5;
+/** How far from the middle of the scene the map's corners are, in radii. */
+export const FLOOR_REACH = 1 + REACH * Math.SQRT2;
 /** Part of the light that other surfaces of the scene receive, which are seen in place of the light. */
 const OPEN = 0.7;
 /** Part of the light that passes through glass, besides what it refracts elsewhere. */
@@ -31,8 +33,8 @@ const CLEAR = 0.7;
 export const UNITS = { maps: 9, seenDepth: 10, seenNormal: 11, missed: 12, open: 13, floorMissed: 14, floorOpen: 15 };
 /** Pixels of the view above which shadows are computed for every other one along a side. */
 const MANY_PIXELS = 500_000;
-/** Time, in milliseconds, that the shadows may take of a frame; and number of tiles that are drawn at first. */
-const [BUDGET_MS, FIRST_TILES] = [12, 4];
+/** Time, in milliseconds, that the shadows may take of a frame; and number of tiles that are drawn in a frame, at first and at least. */
+const [BUDGET_MS, FIRST_TILES] = [25, 4];
 
 /** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, drawPart: (part: MeshPart, material: MeshMaterial, at: (name: string) => WebGLUniformLocation | null) => void}} Subject above: up in the scene, if it stands on a floor */
 
@@ -75,6 +77,11 @@ export class MeshShadows {
   /** Whether nothing is left to do. */
   get isDone() {
     return !this.isPossible || !this.subject || (this.gathered === this.batches && this.lampsGathered);
+  }
+
+  /** Whether a whole batch is drawn between two frames: then the picture can be drawn in each. */
+  get isFast() {
+    return this.tilesAtOnce >= TILES;
   }
 
   /** Number of batches in all. */
@@ -168,8 +175,8 @@ export class MeshShadows {
       gl.deleteSync(this.fence);
       this.fence = null;
       const took = performance.now() - this.begun;
-      if (took > 2 * BUDGET_MS) this.tilesAtOnce = Math.max(1, this.tilesAtOnce / 2);
-      else this.tilesAtOnce = Math.min(2 * TILES, this.tilesAtOnce * 2);
+      if (took > 2 * BUDGET_MS) this.tilesAtOnce = Math.max(FIRST_TILES, this.tilesAtOnce / 2);
+      else if (took < BUDGET_MS) this.tilesAtOnce = Math.min(2 * TILES, this.tilesAtOnce * 2);
     }
     this.begun = performance.now();
     gl.disable(gl.BLEND);
@@ -361,6 +368,17 @@ export class MeshShadows {
     gl.uniform1i(at("floorOpen"), UNITS.floorOpen);
     bindTo(gl, UNITS.floorMissed, gl.TEXTURE_2D, kept.floorMissed);
     bindTo(gl, UNITS.floorOpen, gl.TEXTURE_2D, kept.floorOpen);
+  }
+
+  /** Sets what the floor's shaders read. @param {(name: string) => WebGLUniformLocation | null} at */
+  bindFloor(at) {
+    const { gl, subject } = this;
+    if (!subject) return;
+    const { corner, alongX, alongY } = floorMap(subject);
+    gl.uniform3fv(at("corner"), corner);
+    gl.uniform3fv(at("alongX"), alongX);
+    gl.uniform3fv(at("alongY"), alongY);
+    this.setFloor(at);
   }
 
   /** Sets what the mesh's shaders read. @param {(name: string) => WebGLUniformLocation | null} at @param {{width: number, height: number}} size of the canvas */
