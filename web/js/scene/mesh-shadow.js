@@ -70,6 +70,8 @@ export class MeshShadows {
     /** Set once the work of the last frame is done, and when it began. @type {WebGLSync | null} */
     this.fence = null;
     this.begun = 0;
+    /** Bounds of the parts that shine, relative to the mesh's middle. @type {Map<MeshPart, {low: number[], high: number[]}>} */
+    this.shining = new Map();
     /** Tiles of the lamps. @type {{lamp: number, matrix: number[], texel: number}[]} */
     this.lampTiles = [];
   }
@@ -102,6 +104,7 @@ export class MeshShadows {
     this.instead = this.samples.flatMap(({ way, weight }) => irradianceAt(tables.irradiance, /** @type {Vec3} */ (way.map((value) => -value))).map((value, k) => OPEN * weight * value * (albedo[k] ?? 0)));
     this.drawn = this.onFloor = this.gathered = 0;
     this.lampTiles = lampTilesOf(mesh, lamps);
+    this.shining = new Map(lamps.length ? mesh.parts.filter(({ material }) => Math.max(...(mesh.materials[material]?.emission ?? [])) > 0).map((part) => [part, boxOf(mesh, part)]) : []);
     this.lampsDrawn = this.lampsGathered = !this.lampTiles.length;
     this.toClip = null;
     this.kept ??= {
@@ -150,6 +153,11 @@ export class MeshShadows {
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
     this.clear(seen.missed, 0);
     this.clear(seen.open, 1);
+    // Shadows that are known stay while the camera turns; those of few directions, where all take long.
+    if (!this.lampsGathered) this.gatherLamps();
+    const known = Math.floor(this.drawn / TILES);
+    while (this.gathered < (this.isFast ? known : Math.min(known, 1))) this.gather(this.gathered++, false);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
   /**
@@ -182,10 +190,6 @@ export class MeshShadows {
     gl.disable(gl.BLEND);
     gl.enable(gl.DEPTH_TEST);
     let hasChanged = false;
-    if (!this.lampsGathered) {
-      this.gatherLamps();
-      hasChanged = true;
-    }
     const available = () => Math.floor(this.drawn / TILES);
     if (this.drawn < this.samples.length) {
       this.drawTiles(Math.min(this.tilesAtOnce, this.samples.length - this.drawn));
@@ -198,8 +202,7 @@ export class MeshShadows {
       if (this.drawn === this.samples.length && subject.above) this.gathered = 0;
     }
     for (let i = 0; i < Math.max(1, this.tilesAtOnce / 8) && this.gathered < available(); i++) {
-      this.gather(this.gathered, false);
-      this.gathered++;
+      this.gather(this.gathered++, false);
       hasChanged = true;
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
@@ -236,7 +239,7 @@ export class MeshShadows {
    *
    * @param {import("./mesh-program.js").Linked} linked its program is in use
    * @param {Float32Array<ArrayBuffer>} toClip
-   * @param {(material: MeshMaterial) => number} solid share of the light that a part holds back; 0: it is not drawn
+   * @param {(material: MeshMaterial, part: MeshPart) => number} solid share of the light that a part holds back; 0: it is not drawn
    */
   drawSolids({ at }, toClip, solid) {
     const { gl, subject } = this;
@@ -247,7 +250,7 @@ export class MeshShadows {
     gl.uniform1i(at("image"), 0);
     for (const part of mesh.parts) {
       const material = /** @type {MeshMaterial} */ (mesh.materials[part.material]);
-      const share = solid(material);
+      const share = solid(material, part);
       gl.uniform1f(at("solid"), share);
       if (share > 0) drawPart(part, material, at);
     }
@@ -290,9 +293,10 @@ export class MeshShadows {
       gl.clear(gl.DEPTH_BUFFER_BIT);
       gl.useProgram(linked.program);
       gl.uniform1i(linked.at("isHalved"), 1);
-      lampTiles.forEach(({ matrix }, tile) => {
+      lampTiles.forEach(({ lamp, matrix }, tile) => {
+        const place = placeOf(subject.mesh, /** @type {Lamp} */ (subject.lamps[lamp]));
         gl.viewport(side * (tile % across), side * Math.floor(tile / across), side, side);
-        this.drawSolids(linked, Float32Array.from(matrix), ({ transmission, emission }) => (Math.max(...emission) > 0 ? 0 : 1 - CLEAR * transmission));
+        this.drawSolids(linked, Float32Array.from(matrix), ({ transmission }, part) => (place[3] && this.isAround(part, place) ? 0 : 1 - CLEAR * transmission));
       });
       gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
     }
@@ -315,6 +319,12 @@ export class MeshShadows {
       this.endGathering();
     }
     this.lampsDrawn = this.lampsGathered = true;
+  }
+
+  /** Returns whether a part shines and surrounds a lamp: then the lamp stands for it. @param {MeshPart} part @param {number[]} place */
+  isAround(part, place) {
+    const box = this.shining.get(part);
+    return box !== undefined && [0, 1, 2].every((axis) => (place[axis] ?? 0) >= (box.low[axis] ?? 0) && (place[axis] ?? 0) <= (box.high[axis] ?? 0));
   }
 
   /** @param {import("./mesh-program.js").Linked} linked @param {WebGLTexture} target @param {boolean} isFloor @param {number} before number of batches that are in the target */
@@ -494,6 +504,23 @@ const matrixOf = (rows) => Float32Array.from({ length: 16 }, (_, at) => (at % 4 
 
 /** Vertices that the mean colour is computed from; and the share of it that a textured surface is assumed to reflect. */
 const [SAMPLED, TEXTURED] = [2000, 0.5];
+
+/** Returns the bounds of a part, relative to the mesh's middle, with some room. @param {MeshPacket} mesh @param {MeshPart} part */
+function boxOf(mesh, { first, corners }) {
+  const room = ROOM * radiusOf(mesh);
+  const extent = extentOf(mesh);
+  const [low, high] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
+  for (let i = first; i < first + corners; i++)
+    for (let axis = 0; axis < 3; axis++) {
+      const value = ((mesh.positions[4 * (mesh.indices[i] ?? 0) + axis] ?? 0) / 65535 - 0.5) * (extent[axis] ?? 0);
+      low[axis] = Math.min(low[axis] ?? 0, value - room);
+      high[axis] = Math.max(high[axis] ?? 0, value + room);
+    }
+  return { low, high };
+}
+
+/** Room around a part that shines, in radii of the scene. */
+const ROOM = 0.01;
 
 /** Returns the mean albedo of a mesh's surfaces. @param {MeshPacket} mesh @returns {Vec3} */
 function albedoOf({ colors, indices, parts, materials }) {
