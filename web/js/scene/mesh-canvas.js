@@ -85,6 +85,8 @@ export class MeshCanvas {
     this.floor = true;
     this.setMesh(SAMPLE);
     this.drawMesh(clipMatrix(SAMPLE_VIEW, 1, SAMPLE.low, SAMPLE.high), SAMPLE, SAMPLE_VIEW, null, { width: canvas.width, height: canvas.height });
+    this.shadows?.compile();
+    gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.flush();
     this.floor = floor;

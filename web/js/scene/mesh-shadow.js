@@ -81,6 +81,15 @@ export class MeshShadows {
     return !this.isPossible || !this.subject || (this.gathered === this.batches && this.lampsGathered);
   }
 
+  /** Compiles what each mesh needs, by drawing, after the first mesh has been drawn. */
+  compile() {
+    if (!this.isPossible || !this.subject || !this.seen) return;
+    this.drawTiles(TILES);
+    this.gather(0, true);
+    this.gather(0, false);
+    this.gl.bindFramebuffer(this.gl.FRAMEBUFFER, null);
+  }
+
   /** Whether a whole batch is drawn between two frames: then the picture can be drawn in each. */
   get isFast() {
     return this.tilesAtOnce >= TILES;
