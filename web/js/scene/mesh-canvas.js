@@ -133,6 +133,7 @@ export class MeshCanvas {
         if (!arrived || this.mesh !== mesh || gl.isContextLost()) return;
         gl.activeTexture(gl.TEXTURE0);
         fillTexture(gl, this.textures[number] ?? null, arrived, sampler, data.has(number));
+        if (mesh.materials.some(({ alpha_mode: mode, texture }) => mode !== "opaque" && texture === number)) this.shadows?.renew();
         this.canvas.dataset.textures = String(Number(this.canvas.dataset.textures ?? 0) + 1);
         this.invalidate();
       }),

@@ -126,6 +126,11 @@ export class MeshShadows {
     this.mipmap();
   }
 
+  /** Begins anew: the texture of a surface that is partly transparent has arrived. */
+  renew() {
+    if (this.subject) this.begin(this.subject);
+  }
+
   /**
    * Takes what another camera sees.
    *
