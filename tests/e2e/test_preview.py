@@ -86,3 +86,50 @@ def test_file_that_needs_blender_says_what_to_do(farm: Farm, watched: Watched) -
     expect(page.locator(".view-pills > p")).to_be_hidden()
     page.request.delete(f"{farm.url}/api/scenes/{page.url.partition('/scenes/')[2].partition('?')[0]}")
     assert watched.errors == []
+
+
+# Draws a cube on the studio's floor, and returns the brightness of some points of the floor, 0 ... 255.
+DRAW_CUBE = """async ([obj, points]) => {
+  const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");
+  const { clipMatrix } = await import("/js/scene/mesh-camera.js");
+  const { meshOf } = await import("/js/mesh/upload.js");
+  const { packet } = await meshOf({ files: [{ path: "cube.obj", file: new File([obj], "cube.obj") }], formats: [".obj"] });
+  const view = { eye: [0, 14, 0], target: [0, 0, 0], up: [0, 0, -1], fov: 40 };
+  const canvas = document.createElement("canvas");
+  canvas.style.cssText = "position: fixed; top: 0; left: 0; width: 200px; height: 200px";
+  document.body.append(canvas);
+  const mesh = new MeshCanvas(canvas);
+  mesh.floor = true;
+  mesh.setMesh({ ...packet, textures: [] });
+  mesh.setView(view);
+  mesh.draw();
+  while (mesh.isRefining) {
+    mesh.refine();
+    await new Promise(requestAnimationFrame);
+  }
+  mesh.draw();
+  const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d");
+  copy.drawImage(canvas, 0, 0);
+  const toClip = clipMatrix(view, 1, packet.low, packet.high);
+  const middle = packet.low.map((value, i) => (value + packet.high[i]) / 2);
+  return points.map((point) => {
+    const along = (row) => [0, 1, 2].reduce((sum, i) => sum + toClip[4 * i + row] * (point[i] - middle[i]), toClip[12 + row]);
+    const [x, y] = [0.5 + along(0) / along(3) / 2, 0.5 - along(1) / along(3) / 2];
+    return copy.getImageData(Math.floor(x * canvas.width), Math.floor(y * canvas.height), 1, 1).data[1];
+  });
+}"""
+CUBE = "".join(f"v {x} {y} {z}\n" for x in (-1, 1) for y in (0, 2) for z in (-1, 1))
+CUBE += "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n"
+
+
+@pytest.mark.long
+def test_preview_shadow_falls_away_from_the_key_light(farm: Farm, watched: Watched) -> None:
+    """The studio's key light is at the left front: the floor is darker at the right back of a cube than before it."""
+    page = watched.page
+    page.goto(farm.url)
+    towards, away, far = [-1.5, 0, 1.4], [1.5, 0, -1.4], [-3.6, 0, 3.6]
+    lit, shadowed, open_floor = page.evaluate(DRAW_CUBE, [CUBE, [towards, away, far]])
+    assert shadowed < lit - 12
+    assert lit <= open_floor
+    assert open_floor == pytest.approx(181, abs=5), "as the path tracer's"
+    assert watched.errors == []

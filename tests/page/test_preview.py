@@ -92,7 +92,8 @@ def test_rough_surfaces_reflect_the_same_power(node: Node) -> None:
     body = """
         const texels = new Float32Array(64 * 128 * 3).fill(a.around);
         texels.fill(a.lamp, 3 * (128 * 20 + 100), 3 * (128 * 20 + 102));
-        const { levels, irradiance } = m.lightTables({ width: 128, height: 64, texels }, null, [0, 0, 0]);
+        const surroundings = { up: [0, 1, 0], hasFloor: false, around: [0, 0, 0], isAlone: false };
+        const { levels, irradiance } = m.lightTables({ width: 128, height: 64, texels }, surroundings);
         return [levels.map(({ width, texels }) => {
           const red = [...texels].filter((_, i) => i % 4 === 0);
           const most = Math.max(...red);
@@ -106,6 +107,59 @@ def test_rough_surfaces_reflect_the_same_power(node: Node) -> None:
     brightest = [row[0] for row in lit]
     assert brightest == sorted(brightest, reverse=True) and brightest[-1] < 0.1 * brightest[0]
     np.testing.assert_allclose([row[2:] for row in lit[:4]], [[100 / 128, 20 / 64]] * 4, atol=0.07)
+
+
+def test_light_of_black_worlds_comes_from_below(node: Node) -> None:
+    body = """
+        const { irradiance } = m.lightTables(null, { up: [0, 0, 1], hasFloor: false, around: [0.2, 0.2, 0.2], isAlone: true });
+        return [[0, 0, -1], [1, 0, 0], [0, 0, 1]].map((normal) => m.irradianceAt(irradiance, normal)[0]);"""
+    below, beside, above = node.call("scene/mesh-environment", body)
+    assert beside == pytest.approx(0.2, rel=1e-2)
+    assert below + above == pytest.approx(0.4, rel=1e-2) and above < 0.5 * beside
+
+
+def test_floor_of_the_studio_is_as_bright_as_its_horizon(node: Node) -> None:
+    body = """
+        const surroundings = { up: [0, 1, 0], hasFloor: true, around: [0, 0, 0], isAlone: false };
+        const { floor, irradiance } = m.lightTables(m.studio(), surroundings);
+        return [floor, m.irradianceAt(irradiance, [0, 1, 0])[0]];"""
+    floor, received = node.call("scene/mesh-environment", body)
+    assert floor["radiance"] == pytest.approx([0.5] * 3, rel=1e-3)
+    assert floor["albedo"] * received == pytest.approx(0.5, rel=0.05)
+
+
+SAMPLES = """
+    const found = m.lightSamples({ width: 128, height: 64, texels: Float32Array.from(a.texels) }, a.count);
+    return found.map(({ way, color, weight }) => [...way, ...color, weight]);"""
+
+
+def rgba(radiance: np.ndarray) -> list[float]:
+    return np.concatenate([radiance, np.ones((64, 128, 1), np.float32)], axis=2).ravel().tolist()
+
+
+def test_light_samples_add_up_to_the_irradiance(node: Node) -> None:
+    """The samples light surfaces of any normal as the integral over the studio does; half of them give half as much."""
+    theta, phi = np.meshgrid((np.arange(64) + 0.5) * np.pi / 64, (np.arange(128) + 0.5) * np.pi / 64 - np.pi, indexing="ij")
+    ways = np.stack([np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)], axis=-1)
+    samples = np.array(node.call("scene/mesh-light-samples", SAMPLES, {"texels": rgba(studio_image()), "count": 64}))
+    for normal in ([0, 1, 0], [0, 0, 1], [-0.6, 0.8, 0], [0.8, 0, -0.6]):
+        weights = np.sin(theta) * np.maximum(ways @ normal, 0) * (np.pi / 64) ** 2 / np.pi
+        lit = np.maximum(samples[:, :3] @ normal, 0) * samples[:, 3]
+        exact = (weights * studio_image()[..., 0]).sum()
+        assert lit.sum() == pytest.approx(exact, rel=0.05)
+        assert 2 * lit[:32].sum() == pytest.approx(exact, rel=0.12)
+    np.testing.assert_allclose(np.linalg.norm(samples[:, :3], axis=1), 1, rtol=1e-6)
+
+
+def test_light_samples_find_a_small_light_and_no_darkness(node: Node) -> None:
+    dark = np.zeros((64, 128, 3), np.float32)
+    assert node.call("scene/mesh-light-samples", SAMPLES, {"texels": rgba(dark), "count": 16}) == []
+    dark[10, 32] = 40, 20, 10
+    samples = np.array(node.call("scene/mesh-light-samples", SAMPLES, {"texels": rgba(dark), "count": 16}))
+    theta, phi = 10.5 * np.pi / 64, 32.5 * np.pi / 64 - np.pi
+    towards = [np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)]
+    assert (samples[:, :3] @ towards).min() > np.cos(0.05)
+    np.testing.assert_allclose(samples[:, 3] / samples[:, 4], 2)
 
 
 def projected_point(node: Node, view: dict[str, Any], point: list[float], aspect: float = 1.5) -> np.ndarray:

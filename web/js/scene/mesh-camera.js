@@ -5,8 +5,8 @@
 
 /** Field of view in place of a panorama, which no matrix projects. */
 const PANORAMA_FOV = 90;
-/** Nearest clipping plane, in sizes of the scene. */
-const NEAREST = 1e-3;
+/** Nearest clipping plane, in sizes of the scene; and where more than the scene is drawn, by the distance of its middle. */
+const [NEAREST, NEAR_SHARE] = [1e-3, 0.05];
 
 /** @param {Vec3} a @param {Vec3} b @returns {Vec3} */
 const subtract = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -40,17 +40,19 @@ export function cameraAxes({ eye, target, up }) {
  * @param {number} aspect width of the picture by its height
  * @param {Vec3} low lower corner of the bounds
  * @param {Vec3} high
+ * @param {number} [reach] how far from the middle of the bounds anything is drawn, in radii of the bounds
  * @returns {Float32Array<ArrayBuffer>} 16
  */
-export function clipMatrix(view, aspect, low, high) {
+export function clipMatrix(view, aspect, low, high, reach = 1) {
   const middle = /** @type {Vec3} */ (low.map((value, i) => (value + (high[i] ?? 0)) / 2));
   const radius = Math.hypot(...subtract(high, low)) / 2 || 1;
   const axes = cameraAxes(view);
   const eye = subtract(view.eye, middle);
   const away = dot(axes[2], eye); // distance of the middle along the line of sight
-  const far = Math.max(away + radius, radius * NEAREST * 2) * 1.01;
+  const far = Math.max(away + reach * radius, radius * NEAREST * 2) * 1.01;
   const isFlat = view.projection === "orthographic";
-  const near = isFlat ? away - radius * 1.01 : Math.max(away - radius * 1.01, radius * NEAREST, view.near ?? 0);
+  let near = isFlat ? away - reach * radius * 1.01 : Math.max(away - radius * 1.01, radius * NEAREST, view.near ?? 0);
+  if (reach > 1 && !isFlat) near = Math.max(Math.min(near, NEAR_SHARE * away), radius * NEAREST, view.near ?? 0);
   const [shiftX, shiftY] = [(2 * (view.shift_x ?? 0)) / aspect, 2 * (view.shift_y ?? 0)];
   const fov = view.projection === "panorama" ? PANORAMA_FOV : view.fov;
   // Half the visible height, at distance 1 or at any distance.

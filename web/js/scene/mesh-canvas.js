@@ -7,8 +7,8 @@ import { cameraAxes, clipMatrix } from "./mesh-camera.js";
 import { studio, unpacked } from "./mesh-environment.js";
 import { lampsOf } from "./mesh-lamps.js";
 import { Programs } from "./mesh-program.js";
-import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
-import { drawShadow, shadowProgram } from "./mesh-shadow.js";
+import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
+import { FLOOR_REACH, MeshShadows } from "./mesh-shadow.js";
 import { SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
 import { aroundTexture, fillTexture, tablesOf, whiteTexture } from "./mesh-textures.js";
 
@@ -19,10 +19,6 @@ import { aroundTexture, fillTexture, tablesOf, whiteTexture } from "./mesh-textu
 /** @typedef {import("../news/mesh-packet.js").MeshPart} MeshPart */
 
 const MAX_RATIO = 2;
-/** Approximate share of the light that other surfaces do not occlude. */
-const OPEN = 0.93;
-/** Share of the light that a scene on the floor keeps from it. */
-const SHADED = 0.55;
 /** Texture units of the mesh: the projected picture has 1 to 4 (kept-picture.js). */
 const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8 };
 const ALPHA_MODES = { opaque: 0, mask: 1, blend: 2 };
@@ -39,8 +35,6 @@ export class MeshCanvas {
     this.canvas = canvas;
     /** Whether the scene stands on the studio's floor; "auto": if the studio lights it, and none of its surfaces shines. @type {boolean | "auto"} */
     this.floor = false;
-    /** @type {WebGLProgram | null} */
-    this.shadow = null;
     /** Upward in the scene. @type {Vec3} */
     this.above = [0, 1, 0];
     /** @type {MeshPacket | null} */
@@ -54,16 +48,20 @@ export class MeshCanvas {
     /** What has projected a picture, for the next one: its programs take long to compile. @type {KeptPicture | null} */
     this.projector = null;
     this.pending = 0;
+    /** The next frame in which shadows are computed; and whether the mesh has been drawn with any. */
+    this.refining = 0;
+    this.hasShadows = false;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** @type {Programs | null} */
     this.programs = this.gl && new Programs(this.gl);
+    this.shadows = this.gl && this.programs && new MeshShadows(this.gl, this.programs);
     /** Finds the uniforms of the program in use. @type {(name: string) => WebGLUniformLocation | null} */
     this.at = () => null;
     /** By number; the last is white. @type {WebGLTexture[]} */
     this.textures = [];
     /** Vertices and indices of the mesh. @type {WebGLBuffer[]} */
     this.buffers = [];
-    /** The light around, and for which floor it was computed. @type {{texture: WebGLTexture, irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[], hasFloor: boolean, isBlack: boolean} | null} */
+    /** The light around, and for which floor it was computed. @type {{texture: WebGLTexture, irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[], hasFloor: boolean, above: Vec3, isBlack: boolean} | null} */
     this.light = null;
     /** What is drawn before glass. @type {WebGLTexture | null} */
     this.behind = null;
@@ -73,8 +71,9 @@ export class MeshCanvas {
     this.resizing.observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
-      this.projector = this.light = this.behind = this.shadow = null; // they were lost too
+      this.projector = this.light = this.behind = null; // they were lost too
       this.programs = this.gl && new Programs(this.gl);
+      this.shadows = this.gl && this.programs && new MeshShadows(this.gl, this.programs);
       if (this.mesh) this.setMesh(this.mesh);
     });
   }
@@ -86,6 +85,8 @@ export class MeshCanvas {
     this.floor = true;
     this.setMesh(SAMPLE);
     this.drawMesh(clipMatrix(SAMPLE_VIEW, 1, SAMPLE.low, SAMPLE.high), SAMPLE, SAMPLE_VIEW, null, { width: canvas.width, height: canvas.height });
+    this.shadows?.compile();
+    gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.flush();
     this.floor = floor;
@@ -96,6 +97,7 @@ export class MeshCanvas {
   setMesh(mesh) {
     const { gl } = this;
     this.mesh = mesh;
+    this.hasShadows = false;
     this.release();
     if (!gl || gl.isContextLost()) return; // the picture comes without a preview
     this.places = mesh.parts.map((part) => placeOf(mesh, part));
@@ -131,6 +133,7 @@ export class MeshCanvas {
         if (!arrived || this.mesh !== mesh || gl.isContextLost()) return;
         gl.activeTexture(gl.TEXTURE0);
         fillTexture(gl, this.textures[number] ?? null, arrived, sampler, data.has(number));
+        if (mesh.materials.some(({ alpha_mode: mode, texture }) => mode !== "opaque" && texture === number)) this.shadows?.renew();
         this.canvas.dataset.textures = String(Number(this.canvas.dataset.textures ?? 0) + 1);
         this.invalidate();
       }),
@@ -210,7 +213,27 @@ export class MeshCanvas {
     kept?.drawBehind(mesh, view, aspect, this.above, this.hasFloor);
     canvas.dataset.drawn = String(mesh.triangles);
     if (isSame) return;
-    this.drawMesh(clipMatrix(view, aspect, mesh.low, mesh.high), mesh, view, kept, { width, height });
+    const reach = !kept && this.hasFloor ? FLOOR_REACH : 1;
+    this.drawMesh(clipMatrix(view, aspect, mesh.low, mesh.high, reach), mesh, view, kept, { width, height });
+    if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
+  }
+
+  /** Whether the shadows become better while the camera rests. */
+  get isRefining() {
+    return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && !this.shadows.isDone);
+  }
+
+  /** Computes further shadows, and shows them: as they become better, or where drawing takes long, the first and the last ones. */
+  refine() {
+    this.refining = 0;
+    const { shadows } = this;
+    if (!shadows || !this.isRefining || this.gl?.isContextLost()) return;
+    const hasChanged = shadows.work();
+    if (!this.isRefining || (hasChanged && (shadows.isFast || !this.hasShadows))) {
+      this.hasShadows = true;
+      this.draw();
+    }
+    if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
   }
 
   /**
@@ -226,6 +249,7 @@ export class MeshCanvas {
     const { gl, programs } = this;
     if (!gl || !programs) return;
     const light = this.prepareLight(mesh);
+    const shadows = onPage && !kept && this.shadows?.isPossible ? this.shadows : null;
     const eye = view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
     const isDefaultCurve = this.look.curve === curveIndex(DEFAULT_CURVE);
     /** @type {import("./mesh-program.js").Feature[]} */
@@ -240,6 +264,7 @@ export class MeshCanvas {
     const use = (of, pass, isDense = false) => {
       const features = [...curves, ...featuresOf(of)];
       if (kept) features.push("KEPT");
+      if (shadows) features.push("SHADOWS");
       if (light.lamps.length) features.push("LAMPS");
       const linked = isDense ? programs.with(DENSE_VERTEX, DENSE_FRAGMENT, features) : programs.with(VERTEX, FRAGMENT, features);
       if (!linked) return false;
@@ -255,13 +280,13 @@ export class MeshCanvas {
       gl.uniform4fv(at("eye"), eye);
       gl.uniform1f(at("gain"), this.look.gain);
       gl.uniform1i(at("curve"), this.look.curve);
-      gl.uniform1f(at("unhidden"), OPEN);
-      gl.uniform3fv(at("above"), this.above);
-      gl.uniform1f(at("shaded"), this.hasFloor ? SHADED : 0);
       gl.uniform3fv(at("irradiance"), light.irradiance);
       this.setLamps(light.lamps, mesh);
+      if (onPage) shadows?.bind(at, onPage);
       return true;
     };
+    if (onPage) shadows?.follow(toClip, eye, onPage);
+    if (onPage) gl.viewport(0, 0, onPage.width, onPage.height);
     const parts = mesh.parts.map((part, i) => ({ part, .../** @type {{middle: Vec3, size: number, isDense: boolean}} */ (this.places[i]), material: /** @type {MeshMaterial} */ (mesh.materials[part.material]) }));
     const glass = parts.filter(({ material }) => material.transmission > 0);
     const blended = parts.filter(({ material }) => material.transmission === 0 && material.alpha_mode === "blend");
@@ -273,12 +298,11 @@ export class MeshCanvas {
       const chosen = opaque.filter(({ isDense, material }) => dense === (isDense && isDefaultCurve && isPlain(material)));
       if (chosen.length && use(dense ? chosen : [...chosen, ...blended], PASS.opaque, dense)) for (const { part, material } of chosen) this.drawPart(part, material);
     }
+    if (shadows && this.hasFloor) this.drawFloor(shadows, toClip, eye, light, [...curves, ...(light.lamps.length ? /** @type {const} */ (["LAMPS"]) : [])]);
     const hasBehind = onPage !== null && glass.length > 0;
     if (hasBehind) this.copyBehind(onPage, glass.some(({ material }) => material.roughness > BLURRED));
     if (onPage && !kept) {
       this.drawBackdrop(view, onPage.width / onPage.height, light, programs.with(BACKDROP_VERTEX, BACKDROP_FRAGMENT, curves));
-      if (this.hasFloor) this.shadow ??= shadowProgram(gl);
-      if (this.hasFloor && this.shadow) drawShadow(gl, this.shadow, toClip, mesh, this.above);
     }
     if (glass.length && use(glass, PASS.glass)) {
       gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);
@@ -311,7 +335,6 @@ export class MeshCanvas {
     if (!gl) return;
     bind(gl, UNITS.roughMetal, textures.at(material.metallic_roughness_texture) ?? null); // -1 is the last
     bind(gl, UNITS.glow, textures.at(material.emission_texture) ?? null);
-    bind(gl, UNITS.image, textures.at(material.texture) ?? null);
     gl.uniform1f(at("metallic"), material.metallic);
     gl.uniform1f(at("roughness"), material.roughness);
     gl.uniform3fv(at("f0"), material.f0);
@@ -323,6 +346,14 @@ export class MeshCanvas {
     gl.uniform1f(at("coatRoughness"), material.coat_roughness);
     gl.uniform1i(at("unlit"), material.unlit ? 1 : 0);
     gl.uniform1i(at("isWhole"), material.texture < 0 && !this.kept ? 1 : 0);
+    this.drawShape({ first, corners, material: 0 }, material, at);
+  }
+
+  /** Draws the triangles of a part where they are not transparent. @param {MeshPart} part @param {MeshMaterial} material @param {(name: string) => WebGLUniformLocation | null} at finds the program's uniforms */
+  drawShape({ first, corners }, material, at) {
+    const { gl, textures } = this;
+    if (!gl) return;
+    bind(gl, UNITS.image, textures.at(material.texture) ?? null);
     gl.uniform1i(at("alphaMode"), ALPHA_MODES[material.alpha_mode]);
     gl.uniform1f(at("cutoff"), material.cutoff);
     gl.drawElements(gl.TRIANGLES, corners, gl.UNSIGNED_INT, 4 * first);
@@ -332,14 +363,15 @@ export class MeshCanvas {
   prepareLight(mesh) {
     const gl = /** @type {WebGL2RenderingContext} */ (this.gl);
     const { hasFloor } = this;
-    if (this.light?.hasFloor === hasFloor) return this.light;
+    if (this.light?.hasFloor === hasFloor && this.light.above === this.above) return this.light;
     const isBlack = !mesh.environment && !mesh.isStudio;
     const environment = () => (mesh.environment ? unpacked(mesh.environment) : mesh.isStudio ? studio() : null);
     const { lamps, around } = lampsOf(mesh.lamps, isBlack);
-    const tables = tablesOf(mesh, environment, hasFloor ? this.above : null, around);
+    const tables = tablesOf(mesh, environment, { up: this.above, hasFloor, around, isAlone: isBlack });
     if (this.light) gl.deleteTexture(this.light.texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.around);
-    this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, hasFloor, isBlack };
+    this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, hasFloor, above: this.above, isBlack };
+    if (this.shadows?.isPossible) this.shadows.begin({ mesh, tables, lamps, above: hasFloor ? this.above : null, drawPart: (part, material, at) => this.drawShape(part, material, at) });
     return this.light;
   }
 
@@ -367,6 +399,34 @@ export class MeshCanvas {
     if (isBlurred) gl.generateMipmap(gl.TEXTURE_2D);
   }
 
+  /**
+   * @param {MeshShadows} shadows
+   * @param {Float32Array<ArrayBuffer>} toClip
+   * @param {number[]} eye
+   * @param {{irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[]}} light
+   * @param {import("./mesh-program.js").Feature[]} features
+   */
+  drawFloor(shadows, toClip, eye, light, features) {
+    const { gl, programs, mesh } = this;
+    const linked = programs?.with(FLOOR_VERTEX, FLOOR_FRAGMENT, ["SHADOWS", ...features]);
+    if (!gl || !linked || !mesh) return;
+    const { at } = (this.at = linked.at, linked);
+    gl.useProgram(linked.program);
+    shadows.bindFloor(at);
+    gl.uniform1i(at("around"), UNITS.around);
+    gl.uniformMatrix4fv(at("toClip"), false, toClip);
+    gl.uniform4fv(at("eye"), eye);
+    gl.uniform1f(at("gain"), this.look.gain);
+    gl.uniform1i(at("curve"), this.look.curve);
+    this.setLamps(light.lamps, mesh);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.depthMask(false);
+    gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+    gl.depthMask(true);
+    gl.disable(gl.BLEND);
+  }
+
   /** @param {View} view @param {number} aspect @param {{texture: WebGLTexture, isBlack: boolean}} light @param {import("./mesh-program.js").Linked | null} linked */
   drawBackdrop(view, aspect, { texture, isBlack }, linked) {
     const { gl } = this;
@@ -384,11 +444,15 @@ export class MeshCanvas {
     gl.uniform3fv(at("forward"), back.map((value, i) => shiftX * (right[i] ?? 0) + shiftY * (up[i] ?? 0) - value));
     gl.uniform3fv(at("across"), right.map((value) => half * aspect * value));
     gl.uniform3fv(at("upward"), up.map((value) => half * value));
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE_MINUS_DST_ALPHA, gl.ONE); // under the floor
     gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.disable(gl.BLEND);
   }
 
   dispose() {
     cancelAnimationFrame(this.pending);
+    cancelAnimationFrame(this.refining);
     this.resizing.disconnect();
     this.release();
     this.gl?.getExtension("WEBGL_lose_context")?.loseContext();

@@ -66,24 +66,34 @@ export function studio() {
  *
  * @typedef {object} LightTables
  * @property {{width: number, height: number, texels: Float32Array}[]} levels RGBA, each half as large as the one before
+ * @property {{radiance: Vec3, albedo: number} | null} floor radiance: where no shadow falls on it; null: there is none
  * @property {Float32Array} irradiance divided by pi, as nine coefficients of spherical harmonics, three values each
  */
 
 /**
- * @param {Environment | null} environment null: black
- * @param {Vec3 | null} above up in the scene, if it stands on a floor that hides what is below
- * @param {Vec3} around radiance that is added everywhere
- * @returns {LightTables}
+ * What is around a scene besides its environment. up: in the scene. hasFloor: whether it stands on a floor, which hides what is below.
+ * around: mean radiance that other surfaces and weak lamps add. isAlone: whether nothing else lights the scene; then most of it comes from
+ * below, where there mostly is a ground, and little from above, where there is nothing.
+ *
+ * @typedef {{up: Vec3, hasFloor: boolean, around: Vec3, isAlone: boolean}} Surroundings
  */
-export function lightTables(environment, above, around) {
+
+/** How much more comes from below, and less from above, of the light that surfaces reflect in a black world. */
+const GROUNDED = 0.9;
+
+/** @param {Environment | null} environment null: black @param {Surroundings} surroundings @returns {LightTables} */
+export function lightTables(environment, { up, hasFloor, around, isAlone }) {
   const whole = new Float32Array(6 * HEIGHT * HEIGHT);
   const { width, height, texels } = environment ?? { width: 1, height: 1, texels: new Float32Array(3) };
+  const ways = directionsOf(HEIGHT);
   for (let row = 0; row < HEIGHT; row++)
     for (let column = 0; column < 2 * HEIGHT; column++) {
       const at = width * Math.floor((row * height) / HEIGHT) + Math.floor((column * width) / (2 * HEIGHT));
-      for (let k = 0; k < 3; k++) whole[3 * (2 * HEIGHT * row + column) + k] = (texels[3 * at + k] ?? 0) + (around[k] ?? 0);
+      const texel = 2 * HEIGHT * row + column;
+      const share = isAlone ? 1 - GROUNDED * alongOf(ways, texel, up) : 1;
+      for (let k = 0; k < 3; k++) whole[3 * texel + k] = (texels[3 * at + k] ?? 0) + share * (around[k] ?? 0);
     }
-  if (above) layFloor(whole, above);
+  const floor = hasFloor ? layFloor(whole, up) : null;
   let source = halved(whole, HEIGHT);
   const levels = [whole, source]; // a texel of the second is as wide as its lobe
   for (let level = 2; level <= LEVELS; level++) {
@@ -91,19 +101,21 @@ export function lightTables(environment, above, around) {
     levels.push(blurred(source, 2 * height, height, level / LEVELS));
     source = halved(source, 2 * height);
   }
-  return { levels: levels.map((texels, i) => ({ width: 2 * (HEIGHT >> i), height: HEIGHT >> i, texels: withAlpha(texels) })), irradiance: harmonicsOf(halved(halved(whole, HEIGHT), HEIGHT / 2), HEIGHT / 4) };
+  return { levels: levels.map((texels, i) => ({ width: 2 * (HEIGHT >> i), height: HEIGHT >> i, texels: withAlpha(texels) })), floor, irradiance: harmonicsOf(halved(halved(whole, HEIGHT), HEIGHT / 2), HEIGHT / 4) };
 }
 
 /** Irradiance of a horizontal surface in the studio, divided by pi. @type {number | undefined} */
 let usual;
 
-/** Replaces what is below the horizon by the studio's floor, whose albedo makes it as bright as the horizon in the studio. @param {Float32Array} texels @param {Vec3} above */
+/** Replaces what is below the horizon by the studio's floor, whose albedo makes it as bright as the horizon in the studio. @param {Float32Array} texels @param {Vec3} above @returns {LightTables["floor"]} */
 function layFloor(texels, above) {
   const irradiance = upwardIrradiance(texels, above);
   usual ??= upwardIrradiance(studio().texels, [0, 1, 0])[0] ?? 1;
+  const albedo = HORIZON / usual;
+  const radiance = /** @type {Vec3} */ (irradiance.map((value) => value * albedo));
   const ways = directionsOf(HEIGHT);
-  for (let i = 0; i < 2 * HEIGHT * HEIGHT; i++)
-    if (alongOf(ways, i, above) < 0) for (let k = 0; k < 3; k++) texels[3 * i + k] = ((irradiance[k] ?? 0) * HORIZON) / usual;
+  for (let i = 0; i < 2 * HEIGHT * HEIGHT; i++) if (alongOf(ways, i, above) < 0) texels.set(radiance, 3 * i);
+  return { radiance, albedo };
 }
 
 /** Returns the irradiance of a horizontal surface divided by pi. @param {Float32Array} texels @param {Vec3} above */
@@ -184,6 +196,13 @@ function withAlpha(texels) {
 const harmonics = ([x, y, z]) => [0.282095, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z, 0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y)];
 /** Coefficients of the cosine lobe, divided by pi, for each band. */
 const LOBE = [1, 2 / 3, 2 / 3, 2 / 3, 1 / 4, 1 / 4, 1 / 4, 1 / 4, 1 / 4];
+
+/** Returns irradiance divided by pi of a surface with a normal. @param {Float32Array} irradiance of LightTables @param {Vec3} normal @returns {Vec3} */
+export const irradianceAt = (irradiance, normal) => {
+  const sum = /** @type {Vec3} */ ([0, 0, 0]);
+  harmonics(normal).forEach((value, i) => sum.forEach((_, k) => (sum[k] = (sum[k] ?? 0) + value * (irradiance[3 * i + k] ?? 0))));
+  return /** @type {Vec3} */ (sum.map((value) => Math.max(value, 0)));
+};
 
 /** Returns irradiance by spherical harmonics. Source: Ramamoorthi and Hanrahan 2001. @param {Float32Array} texels @param {number} height */
 function harmonicsOf(texels, height) {

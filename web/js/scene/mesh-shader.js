@@ -1,7 +1,8 @@
-/** The shaders of a preview mesh: metals, dielectrics and glass in the light around them and of lamps, without shadows. */
+/** The shaders of a preview mesh: metals, dielectrics and glass in the light around them and of lamps. Their shadows are computed before (mesh-shadow.js). */
 
 import { TONEMAP_GLSL } from "../film/tonemap.js";
 import { KEPT_GLSL } from "./kept-picture.js";
+import { FLOOR_MAP_GLSL } from "./mesh-floor-shader.js";
 import { LEVELS } from "./mesh-environment.js";
 
 /** Lamps that the mesh is shaded by; what the others give comes from all around. */
@@ -14,7 +15,7 @@ export const PASS = { opaque: 0, glass: 1, blend: 2 };
 export const PLACES = { share: 0, normal: 1, color: 2, uv: 3 };
 
 /** Radiance around the scene, blurred by roughness, and irradiance by the normal. */
-const AROUND_GLSL = `
+export const AROUND_GLSL = `
 uniform sampler2D around;
 uniform vec3 irradiance[9]; // by spherical harmonics, divided by pi
 vec3 reflected(vec3 way, float roughness) {
@@ -33,9 +34,6 @@ vec3 received(vec3 n) {
 const LIGHT_GLSL = `
 uniform vec4 eye; // its place, with 1, or of an orthographic camera the direction to it, with 0
 uniform vec3 extent;
-uniform float unhidden; // approximate share of the light that other surfaces do not occlude
-uniform vec3 above;
-uniform float shaded; // how much darker the floor is below the scene
 #ifdef LAMPS
 uniform int lampCount;
 uniform vec4 lamps[${MOST_LAMPS}]; // places, with 1, or directions, with 0
@@ -58,7 +56,7 @@ vec2 environmentBrdf(float nv, float rough) {
 }
 #ifdef LAMPS
 // Light of the lamps: diffuse, and what a rough surface reflects of it (GGX, Walter et al. 2007).
-void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 again, inout vec3 diffuse, inout vec3 glossy) {
+void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 again, vec4 open, inout vec3 diffuse, inout vec3 glossy) {
   float alpha2 = max(rough * rough, 0.01);
   alpha2 *= alpha2;
   for (int i = 0; i < lampCount; i++) {
@@ -68,7 +66,7 @@ void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 ag
     vec3 l = normalize(way);
     float cone = clamp((-dot(l, lampAxes[i]) - lampCosines[i].x) / (lampCosines[i].y - lampCosines[i].x), 0.0, 1.0);
     float nl = max(dot(n, l), 0.0);
-    vec3 light = lampColors[i] * near * cone * nl;
+    vec3 light = lampColors[i] * near * cone * nl * open[i];
     diffuse += light;
     vec3 h = normalize(l + v);
     float nh = max(dot(n, h), 0.0);
@@ -80,8 +78,39 @@ void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 ag
   }
 }
 #endif
-// diffuse: irradiance by pi. glossy: radiance. passed: part of the light that the surface does not reflect at once.
-void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, out vec3 diffuse, out vec3 glossy, out float passed) {
+#ifdef SHADOWS
+${FLOOR_MAP_GLSL}
+uniform sampler2D missedLight; // light from around that does not reach what the camera sees, as irradiance by pi
+uniform sampler2D openLamps; // parts of the lamps' light that reach it
+uniform sampler2D seenDepth;
+uniform vec2 perPixel;
+// Light at a pixel of the canvas: that of the texels around it which show the same surface.
+void shadowsAt(vec2 pixel, float depth, float slack, out vec3 missed, out vec4 open) {
+  ivec2 size = textureSize(seenDepth, 0);
+  vec2 at = pixel * perPixel * vec2(size) - 0.5;
+  ivec2 first = ivec2(floor(at + 1e-3));
+  vec2 share = at - vec2(first);
+  slack += 0.01 * (1.0 - depth) + 1e-4;
+  missed = vec3(0.0);
+  open = vec4(0.0);
+  float total = 0.0;
+  for (int i = 0; i < 4 || (i < 16 && total < 0.1); i++) { // the four around it, and if they show other surfaces, those around them
+    ivec2 side = i < 4 ? ivec2(i & 1, i >> 1) : ivec2(i & 3, i >> 2) - 1;
+    ivec2 texel = clamp(first + side, ivec2(0), size - 1);
+    vec2 near = i < 4 ? mix(1.0 - share, share, vec2(side)) : vec2(0.3);
+    if (near.x * near.y < 1e-3) continue;
+    float gap = abs(texelFetch(seenDepth, texel, 0).r - depth);
+    float weight = near.x * near.y * (gap < slack ? 1.0 : 1e-4 / (1.0 + 1e3 * gap));
+    missed += weight * texelFetch(missedLight, texel, 0).rgb;
+    open += weight * texelFetch(openLamps, texel, 0);
+    total += weight;
+  }
+  missed /= total;
+  open /= total;
+}
+#endif
+// missed, open: as shadowsAt. diffuse: irradiance by pi. glossy: radiance. passed: part of the light that the surface does not reflect at once.
+void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, vec3 missed, vec4 open, out vec3 diffuse, out vec3 glossy, out float passed) {
   float nv = clamp(dot(n, v), 1e-3, 1.0);
   vec3 reflectance = mix(f0, color, metal);
   vec2 brdf = environmentBrdf(nv, rough);
@@ -89,19 +118,23 @@ void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, out
   // Light scattered several times between microfacets. Source: Turquin 2019, "Practical multiple scattering compensation".
   vec3 again = 1.0 + reflectance * (1.0 / max(brdf.x + brdf.y, 0.05) - 1.0);
   vec3 albedo = again * (reflectance * brdf.x + min(25.0 * reflectance, 1.0) * brdf.y);
-  // Near the floor it is in the scene's own shadow.
-  float low = clamp(0.5 + dot(place, above) / max(dot(abs(above), extent), 1e-12), 0.0, 1.0);
-  float floored = 1.0 - shaded * (1.0 - smoothstep(0.0, 0.7, low)) * smoothstep(0.2, -0.8, dot(n, above));
-  float mirrored = 1.0 - 0.8 * shaded * (1.0 - smoothstep(0.0, 1.0, low)) * smoothstep(0.1, -0.7, dot(mirror, above));
-  diffuse = received(n) * unhidden * floored;
-  glossy = max(albedo.r, max(albedo.g, albedo.b)) > 0.0 ? reflected(mirror, rough) * albedo * mirrored * mix(1.0, unhidden, rough) : vec3(0.0);
+  vec3 whole = received(n);
+  diffuse = max(whole - missed, 0.0);
+  glossy = vec3(0.0);
+  if (max(albedo.r, max(albedo.g, albedo.b)) > 0.0) {
+    vec3 light = reflected(mirror, rough);
+#ifdef SHADOWS
+    light = max(light - missedFrom(place, mirror, rough) * smoothstep(0.0, 0.2, -dot(mirror, floorPlane.xyz)), 0.0);
+#endif
+    glossy = light * albedo * mix(vec3(1.0), diffuse / max(whole, 1e-6), rough);
+  }
 #ifdef LAMPS
-  addLamps(place, n, v, rough, reflectance, again, diffuse, glossy);
+  addLamps(place, n, v, rough, reflectance, again, open, diffuse, glossy);
 #endif
   passed = (1.0 - metal) * (1.0 - max(albedo.r, max(albedo.g, albedo.b)));
 }`;
 
-const ATTRIBUTES = `
+export const ATTRIBUTES = `
 uniform mat4 toClip;
 layout(location = ${PLACES.share}) in vec3 share;
 layout(location = ${PLACES.normal}) in vec3 normal;
@@ -110,7 +143,7 @@ layout(location = ${PLACES.uv}) in vec2 uv;
 out vec3 place;
 out vec4 shown;
 out vec2 texel;`;
-const PLACE = `
+export const PLACE = `
   texel = uv;
   place = (share - 0.5) * extent;
   shown = color;
@@ -146,7 +179,13 @@ void main() {
   if (dot(n, v) < 0.0) n = -n;
   vec3 base = srgbDecode(color.rgb);
   float passed;
-  shade(place, n, v, base, roughness, metallic, lit, shine, passed);
+  vec3 missed = vec3(0.0);
+  vec4 open = vec4(1.0);
+#ifdef SHADOWS
+  vec3 seen = gl_Position.xyz / gl_Position.w * 0.5 + 0.5;
+  shadowsAt(seen.xy / perPixel, seen.z, 0.0, missed, open);
+#endif
+  shade(place, n, v, base, roughness, metallic, missed, open, lit, shine, passed);
   lit *= passed * base;
   if (isWhole) lit = srgbEncode(neutral((lit + shine + emission) * gain));
 }`;
@@ -265,6 +304,12 @@ void main() {
   float rough = roughness;
   float metal = metallic;
   vec3 added = emission;
+  vec3 missed = vec3(0.0);
+  vec4 open = vec4(1.0);
+#ifdef SHADOWS
+  float slack = fwidth(gl_FragCoord.z);
+  if (pass == ${PASS.opaque}) shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, missed, open);
+#endif
 #ifdef MAPS
   vec3 packed = texture(roughMetal, texel).rgb;
   rough *= packed.g;
@@ -277,7 +322,7 @@ void main() {
   if (!unlit) {
     vec3 diffuse, glossy;
     float passed;
-    shade(place, n, v, base.rgb, rough, metal, diffuse, glossy, passed);
+    shade(place, n, v, base.rgb, rough, metal, missed, open, diffuse, glossy, passed);
     vec3 body = base.rgb * diffuse;
 #ifdef GLASS
     body = mix(body, base.rgb * transmitted(n, v, rough), transmission);
@@ -295,6 +340,48 @@ void main() {
   write(displayed(color, curve), base.a, flatly);
 #else
   write(srgbEncode(neutral(color)), base.a, flatly);
+#endif
+}`;
+
+/** The studio's floor around the scene, as far as its map reaches; what is behind the mesh has the colour of the rest. */
+export const FLOOR_VERTEX = `#version 300 es
+uniform mat4 toClip;
+uniform vec3 corner;
+uniform vec3 alongX;
+uniform vec3 alongY;
+out vec3 place;
+void main() {
+  place = corner + float(gl_VertexID & 1) * alongX + float(gl_VertexID >> 1) * alongY;
+  gl_Position = toClip * vec4(place, 1.0);
+}`;
+export const FLOOR_FRAGMENT = `#version 300 es
+precision highp float;
+precision highp sampler2D;
+uniform float gain;
+uniform int curve;
+#ifdef LAMPS
+${LIGHT_GLSL}
+uniform sampler2D floorOpen;
+#else
+${FLOOR_MAP_GLSL}
+#endif
+${TONEMAP_GLSL}
+in vec3 place;
+out vec4 pixel;
+void main() {
+  vec3 color = max(floorRadiance - floorAlbedo * floorShadow(place), 0.0);
+  float shown = 1.0;
+#ifdef LAMPS
+  vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
+  vec3 diffuse = vec3(0.0), glossy = vec3(0.0);
+  addLamps(place, floorPlane.xyz, normalize(eye.xyz - eye.w * place), 1.0, vec3(0.0), vec3(0.0), texture(floorOpen, uv), diffuse, glossy);
+  color += floorAlbedo * diffuse;
+  shown -= smoothstep(0.3, 0.5, length(uv - 0.5));
+#endif
+#ifdef CURVES
+  pixel = vec4(displayed(color * gain, curve), 1.0) * shown;
+#else
+  pixel = vec4(srgbEncode(neutral(color * gain)), 1.0) * shown;
 #endif
 }`;
 

@@ -2,7 +2,6 @@
 
 import { lightTables } from "./mesh-environment.js";
 
-/** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
 /** @typedef {import("../news/mesh-packet.js").Wrap} Wrap */
 
@@ -64,12 +63,11 @@ let latest = null;
 /**
  * @param {MeshPacket} mesh
  * @param {() => import("./mesh-environment.js").Environment | null} environment
- * @param {Vec3 | null} floor up in the scene, if it stands on a floor
- * @param {Vec3} around radiance that is added everywhere
+ * @param {import("./mesh-environment.js").Surroundings} surroundings
  */
-export function tablesOf(mesh, environment, floor, around) {
+export function tablesOf(mesh, environment, surroundings) {
   const source = mesh.environment ?? mesh.isStudio; // the studio's light is the same for all meshes
-  const key = JSON.stringify([floor, around]);
-  if (latest?.source !== source || latest.key !== key) latest = { source, key, tables: lightTables(environment(), floor, around) };
+  const key = JSON.stringify(surroundings);
+  if (latest?.source !== source || latest.key !== key) latest = { source, key, tables: lightTables(environment(), surroundings) };
   return latest.tables;
 }
