@@ -95,6 +95,7 @@ class ViewParts:
     has_guides: bool = False  # whether albedo and normal are wanted, too, which guide a denoiser
     on_card: bool = False  # whether the slot's graphics card renders them; if it cannot, they are declined
     draft: float | None = None  # exposure, in stops, of the draft that answers the only part; None: sums answer the parts
+    is_smooth: bool = False  # whether the draft is smoothed (renderer/kernel/draft.py)
 
     def to_json(self) -> dict[str, Any]:
         """Returns the message as JSON data for Celery; without guides, card and draft, as in earlier releases."""
@@ -102,7 +103,7 @@ class ViewParts:
         fields = {
             name: value
             for name, value in vars(self).items()
-            if value is not None and (value or name not in ("has_guides", "on_card"))
+            if value is not None and (value or name not in ("has_guides", "on_card", "is_smooth"))
         }
         return {**fields, "settings": self.settings.to_json(), "parts": parts}
 
@@ -117,6 +118,7 @@ class ViewParts:
             has_guides=bool(data.get("has_guides")),
             on_card=bool(data.get("on_card")),
             draft=None if data.get("draft") is None else float(data["draft"]),
+            is_smooth=bool(data.get("is_smooth")),
         )
 
 

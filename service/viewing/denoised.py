@@ -20,11 +20,13 @@ class DenoisedView:
     """State of a view's denoising. Not thread-safe.
 
     The small pictures of a new view are denoised once each, so that the view is soon clean. The whole one is denoised at 1, 2, 4,
-    8 ... samples per pixel and at the end, one at a time, and for at most a quarter of the time. Once one was shown, pictures
-    with noise are not, so that the view does not flicker.
+    8 ... samples per pixel and at the end, one at a time, and for at most a quarter of the time. Once one was shown, or a draft,
+    pictures with noise are not, so that the view does not flicker.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, first: float = 1.0) -> None:
+        """Begins without a picture. first: mean samples per pixel at which the whole picture is denoised first."""
+        self._first = first
         self.means: bytes | None = None  # of the picture that is being denoised: colour, albedo, normal
         self.has_shown = False
         self.level = -1  # resolution level of the latest picture, or of the one that is being denoised
@@ -43,7 +45,7 @@ class DenoisedView:
         now = time.monotonic()
         if self.means is not None or least == 0 or now < self._lost_until or (now < self._rests_until and not is_complete):
             return False
-        return mean >= max(1.0, 2 * self._samples) or (is_complete and mean > self._samples)
+        return mean >= max(self._first, 2 * self._samples) or (is_complete and mean > self._samples)
 
     def is_small_due(self, level: int, is_complete: bool) -> bool:
         """Returns True if the picture of a level below the whole view's is to be denoised now. is_complete: as above."""

@@ -75,13 +75,13 @@ class ViewSession:
     def is_ready_for_next(self) -> bool:
         """Returns True if the requested view may replace the current one now.
 
-        That is so once the current view has shown a picture, a denoised one if it is to be denoised, an error or a message, or
-        has run for MIN_PICTURE_WAIT_S seconds, MIN_DENOISED_WAIT_S while its first picture is being denoised, or MIN_DRAFT_WAIT_S
-        while its draft is being rendered.
+        That is so once the current view has shown a picture, a denoised one or its draft if it is to be denoised, an error or a
+        message, or has run for MIN_PICTURE_WAIT_S seconds, MIN_DENOISED_WAIT_S while its first picture is being denoised, or
+        MIN_DRAFT_WAIT_S while its draft is being rendered.
         """
         if self.wanted is None:
             return False
-        has_picture = self.has_picture if self._denoised is None else self._denoised.has_shown
+        has_picture = self.has_picture if self._denoised is None or self.draft_size else self._denoised.has_shown
         is_over = self.request is None or has_picture or self.error is not None or self.message is not None
         is_denoising = self._denoised is not None and self._denoised.means is not None
         wait_s = MIN_DENOISED_WAIT_S if is_denoising else MIN_DRAFT_WAIT_S if self.draft_size else MIN_PICTURE_WAIT_S
@@ -130,7 +130,7 @@ class ViewSession:
         compiled: SHA-256 of the compiled scene. kind: the worker kind (renderer.jit.kind) that renders it. cost_s: seconds per
         sample of a pixel on one slot. slots: number of slots of that kind. denoises: whether the view is denoised.
         card_rate: samples of a pixel per second of graphics cards that render it, too. draft: of the draft that precedes them, in
-        place of a small picture, unless the view is denoised, has alpha, or has lost one.
+        place of a small picture, unless the view has alpha, or has lost one.
         """
         assert self.request is not None
         seen = replace(settings, light_groups="", light_paths="off", cryptomatte=0, deep=0)
@@ -140,7 +140,7 @@ class ViewSession:
         with self._lock:
             self.settings, self.compiled, self.kind = seen, compiled, kind
             denoises = denoises and not seen.is_transparent  # the denoiser makes no alpha
-            if draft is not None and not denoises and not seen.is_transparent and self.view != self._undrafted:
+            if draft is not None and not seen.is_transparent and self.view != self._undrafted:
                 self.draft_size, levels = draft, levels[-1:]
             self.passes = Passes(levels, cost_s)
             self._canvases = [
@@ -153,7 +153,7 @@ class ViewSession:
                 )
                 for level in levels
             ]
-            self._denoised = DenoisedView() if denoises else None
+            self._denoised = DenoisedView(max(self._whole_draft_samples, 1)) if denoises else None
 
     def settings_of(self, level: int) -> RenderSettings:
         """Returns the render settings of a level: those of the view, with the level's width and height. level: its index."""
@@ -172,6 +172,11 @@ class ViewSession:
             self.has_picture = self.has_picture or canvas.samples > 0
         if self.passes is not None and canvas.tile_is_complete(piece.tile):
             self.passes.complete_tile(piece.level, piece.tile)
+
+    @property
+    def denoises(self) -> bool:
+        """Returns True if the view is denoised."""
+        return self._denoised is not None
 
     def needs_guides(self, pieces: list[Piece]) -> bool:
         """Returns True if albedo and normal of these pieces, which are of one level, guide the denoiser."""
@@ -257,9 +262,13 @@ class ViewSession:
     @property
     def _draft_samples(self) -> int:
         """Samples per pixel of the draft that has come, if it has the view's full size; otherwise 0."""
+        return self._whole_draft_samples if self._drafted else 0
+
+    @property
+    def _whole_draft_samples(self) -> int:
+        """Samples per pixel of the view's draft, if it has the view's full size; otherwise 0."""
         size, level = self.draft_size, self._canvases[-1].level
-        is_whole = size is not None and bool(self._drafted) and (size.width, size.height) == (level.width, level.height)
-        return size.samples if size is not None and is_whole else 0
+        return size.samples if size is not None and (size.width, size.height) == (level.width, level.height) else 0
 
     @property
     def noise(self) -> float | None:
@@ -325,7 +334,7 @@ class ViewSession:
 
     def _due_level(self) -> int | None:
         """Returns the index of the resolution level whose picture is to be sent now, or None."""
-        if self._denoised is not None and self._denoised.has_shown:
+        if self._denoised is not None and (self._denoised.has_shown or self._drafted):
             return None
         for level in range(len(self._canvases) - 1, max(self._shown, 0) - 1, -1):
             canvas = self._canvases[level]

@@ -45,7 +45,8 @@ def render_view_on_card(worker: WorkerContext, work: ViewParts, report_compiling
     """
     if work.draft is None:
         return _render_and_send(worker, work, report_compiling, render_batch, _send_sums)
-    return _render_and_send(worker, work, report_compiling, partial(render_draft, exposure=work.draft), _send_draft)
+    render = partial(render_draft, exposure=work.draft, is_smooth=work.is_smooth)
+    return _render_and_send(worker, work, report_compiling, render, _send_draft)
 
 
 def _render_and_send(
