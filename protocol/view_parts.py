@@ -175,7 +175,8 @@ class ViewAnswer:
     begun      a slot has taken the message: message, worker
     compiling  the worker is compiling its kernel, which may take minutes: message, worker
     part       a part is rendered: number, seconds, with the sums attached
-    draft      the part of a message with `draft` is rendered: seconds, with the draft attached, a JPEG (DraftHead)
+    draft      the part of a message with `draft` is rendered, which ends the message: seconds, with the draft attached, a JPEG
+               (DraftHead). Its slot sends neither `begun` nor `over`
     frame      a frame is prepared: frame, info (FrameInfo)
     declined   the slot's graphics card does not render the parts, so CPU slots must. is_loading: it loads the scene for later
                messages, and ends this one with `over`. Otherwise error: why it cannot, which ends the message

@@ -1,6 +1,6 @@
 """Session of a live view: the requested view, its pictures so far, and the messages to the page.
 
-The scheduler's thread adds sums; threads of the event loop read pictures. A lock protects the sums.
+The scheduler's thread adds sums; threads of the event loop read pictures. A lock protects the sums; drafts need none.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import math
 import threading
 import time
 import uuid
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -68,7 +69,7 @@ class ViewSession:
         self._denoised: DenoisedView | None = None  # None: the view is not denoised
         self.draft_size: DraftSize | None = None  # of this view's draft; None: it has none
         self._drafted = 0.0  # when that came; 0: not yet
-        self._draft: tuple[DraftHead, bytes] | None = None  # not taken yet; it may be of the previous view
+        self._draft: deque[tuple[DraftHead, bytes]] = deque(maxlen=1)  # not taken yet; it may be of the previous view
         self._undrafted = 0  # the latest view whose draft was lost
 
     @property
@@ -100,7 +101,8 @@ class ViewSession:
     def free_pictures(self) -> None:
         """Frees the pictures of a closed session at once, although other objects may still refer to the session."""
         with self._lock:
-            self.settings, self.passes, self._canvases, self._denoised, self._draft = None, None, [], None, None
+            self.settings, self.passes, self._canvases, self._denoised = None, None, [], None
+            self._draft.clear()
 
     @property
     def pixels(self) -> int:
@@ -234,7 +236,8 @@ class ViewSession:
         whole = self.request.settings.width, self.request.settings.height
         head = DraftHead(self.request.id, 0, width, height, *whole, samples, self.request.draft_exposure)
         with self._lock:
-            self._draft, self._drafted, self.has_picture = (head, jpeg), time.monotonic(), True
+            self._drafted, self.has_picture = time.monotonic(), True
+        self._draft.append((head, jpeg))
 
     def stop_drafts(self) -> None:
         """Renders the view without a draft, since that was lost, or no card makes it."""
@@ -290,17 +293,22 @@ class ViewSession:
     def is_picture_due(self) -> bool:
         """Returns True if it is time to send a picture."""
         with self._lock:
-            return self._draft is not None or self._has_denoised() or self._due_level() is not None
+            return self._has_denoised() or self._due_level() is not None
 
     def _has_denoised(self) -> bool:
         return self._denoised is not None and self._denoised.has_picture
 
+    def take_draft(self, seq: int) -> bytes | None:
+        """Returns the latest draft as a packet with sequence number `seq`; None if it was taken, or there is none."""
+        try:
+            head, jpeg = self._draft.popleft()
+        except IndexError:
+            return None
+        return encode_draft(head._replace(seq=seq), jpeg)
+
     def take_packet(self, seq: int) -> bytes | None:
         """Returns the changed tiles of the picture as a packet with sequence number `seq`; None if no picture is due."""
         with self._lock:
-            if self._draft is not None:
-                (head, jpeg), self._draft = self._draft, None
-                return encode_draft(head._replace(seq=seq), jpeg)
             level = self._due_level()
             if self.request is not None and self._has_denoised():
                 return self._take_denoised(self.request, seq)

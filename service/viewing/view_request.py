@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from protocol.contract import FrameInfo, PrepareFrames
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
 from renderer.sentences import Sentence, with_full_stop
-from renderer.settings import OPTIONAL, RenderSettings
+from renderer.settings import OPTIONAL, RenderSettings, View
 from service.errors import Conflict, Invalid
 from service.intake.frame_view import requested_view
 from service.intake.resolve import frame_settings, resolve
 from service.store.models import Job, Scene
 
-__all__ = ["MAX_PIXELS", "MAX_SAMPLES", "FrameRequest", "ViewRequest", "resolve_view"]
+__all__ = ["MAX_PIXELS", "MAX_SAMPLES", "FrameRequest", "ViewRequest", "move_view", "resolve_view"]
 
 MAX_PIXELS = 1 << 21  # the sums of a view are held in memory
 MAX_SAMPLES = 256
@@ -111,3 +111,18 @@ def resolve_view(
     upload, noise = scene.of or scene.id, request.get("noise")
     shown = has_alpha, draft_exposure
     return ViewRequest(id, upload, scene.id, settings, samples, compiled, request, noise, frame_request, *shown)
+
+
+def move_view(request: ViewRequest, id: int, view: dict[str, Any]) -> ViewRequest:
+    """Returns what `resolve_view` returns if only the camera has changed since `request`, in a tenth of the time. Raises Invalid.
+
+    id: the number that the page has chosen. view: the new camera as JSON; that of `request` was given by its `view`, too.
+    """
+    camera = View.from_json({name: value for name, value in view.items() if value is not None})
+    try:
+        settings = replace(request.settings, view=camera)
+    except SettingsError as error:
+        raise Invalid(with_full_stop(error)) from None
+    frame_request = request.frame_request and replace(request.frame_request, view=view)
+    job_request = {**request.job_request, "view": view}
+    return replace(request, id=id, settings=settings, job_request=job_request, frame_request=frame_request)

@@ -429,7 +429,7 @@ class ViewScheduler:
         session = out.session
         out.last_seen, out.has_started = time.monotonic(), True
         if out.card:
-            self._cards.record_answer(out.card, answer.type == "begun")
+            self._cards.record_answer(out.card, answer.type in ("begun", "draft"))
         match answer.type:
             case "begun":
                 self._set_message(session, None, self._workers.slots(out.kind))
@@ -506,13 +506,11 @@ class ViewScheduler:
             session.wake()
 
     def _handle_draft(self, out: PendingMessage, answer: ViewAnswer) -> None:
+        self._out.pop(out.id, None)
         session = out.session
-        if (
-            out.draft is None or out.draft != session.draft_size or session.request is None
-        ):  # another since the view was restarted
+        if out.draft is None or out.draft != session.draft_size or session.request is None:  # the view was restarted
             return
         width, height, samples = out.draft
-        out.draft = None
         self._cards.update_draft(session.request, out.card, answer.seconds / (width * height * samples))
         session.put_draft(answer.sums)
         session.wake()

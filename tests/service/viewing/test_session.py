@@ -51,19 +51,19 @@ def add_samples(session: ViewSession, first: int, count: int) -> None:
 
 def test_draft_is_sent_once_and_a_newer_one_replaces_it(session: ViewSession) -> None:
     show(session, 1)
-    assert not session.is_picture_due() and not session.has_picture
+    assert session.take_draft(4) is None and not session.has_picture
     drafted(session)
-    assert session.is_picture_due() and session.has_picture
+    assert session.has_picture
     show(session, 2)
-    packet = session.take_packet(5)
+    packet = session.take_draft(5)
     assert packet is not None
     assert DRAFT.unpack(packet)[:2] == (1, 5), "the draft of the previous view, which was not sent yet"
     drafted(session)
     show(session, 3)
-    packet = drafted(session).take_packet(6)
+    packet = drafted(session).take_draft(6)
     assert packet is not None
     assert (DRAFT.unpack(packet).id, packet[DRAFT.size :]) == (3, b"JPEG")
-    assert session.take_packet(7) is None
+    assert session.take_draft(7) is None
 
 
 def test_pieces_wait_until_the_view_rests(session: ViewSession, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,7 +79,7 @@ def test_pieces_wait_until_the_view_rests(session: ViewSession, monkeypatch: pyt
 
 def test_later_pictures_have_no_fewer_samples_than_the_draft(session: ViewSession) -> None:
     show(session, 1)
-    drafted(session).take_packet(1)
+    drafted(session).take_draft(1)
     assert (session.samples, session.mean_samples) == (4, 4)
     assert session.passes is not None and len(session.passes.levels) == 1, "without a small picture"
     for first, count in ((0, 1), (1, 1), (2, 1)):
@@ -93,7 +93,7 @@ def test_later_pictures_have_no_fewer_samples_than_the_draft(session: ViewSessio
 
 def test_first_picture_follows_a_draft_of_reduced_size_at_once(session: ViewSession) -> None:
     show(session, 1, DraftSize(48, 32, 1))
-    drafted(session).take_packet(1)
+    drafted(session).take_draft(1)
     assert session.samples == 0
     add_samples(session, 0, 1)
     assert session.take_packet(2) is not None
@@ -109,7 +109,7 @@ def test_denoised_view_has_a_draft_and_no_noise_after_it(session: ViewSession) -
     show(session, 1, denoises=True)
     session.wanted = session.request
     assert not session.is_ready_for_next
-    drafted(session).take_packet(1)
+    drafted(session).take_draft(1)
     assert session.is_ready_for_next, "although nothing is denoised"
     for first in range(3):
         add_samples(session, first, 1)
@@ -124,7 +124,7 @@ def test_denoised_view_has_a_draft_and_no_noise_after_it(session: ViewSession) -
 
 def test_view_that_cannot_be_denoised_shows_its_noise_after_the_draft(session: ViewSession) -> None:
     show(session, 1, denoises=True)
-    drafted(session).take_packet(1)
+    drafted(session).take_draft(1)
     for first in range(4):
         add_samples(session, first, 1)
     session.begin_denoising()

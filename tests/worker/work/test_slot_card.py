@@ -308,12 +308,17 @@ def test_draft_of_a_view_is_rendered_as_one_tile_and_sent_as_a_jpeg(worker: Any,
     monkeypatch.setattr(view_card, "render_draft", drafted)
     slot_card._cards[3] = Renderer(CARDS[1])  # type: ignore[assignment]
     slot_card._cards[3].loaded.add("plain")  # type: ignore[union-attr]
-    begun, (kind, more), over = view(worker, monkeypatch, parts=[Part(0, Tile(0, 0, 160, 130), 0, 4)], draft=0.0, is_smooth=True)
-    assert (begun, kind, over) == (("begun", {}), "draft", ("over", {}))
+    ((kind, more),) = view(worker, monkeypatch, parts=[Part(0, Tile(0, 0, 160, 130), 0, 4)], draft=0.0, is_smooth=True)
+    assert kind == "draft"
     assert more["seconds"] >= 0
     assert worker.speed > 0
     picture = np.asarray(Image.open(io.BytesIO(more["sums"]))).astype(int)
     np.testing.assert_allclose(picture, np.stack([x, y, np.full_like(x, 200)], -1), atol=12)
+    monkeypatch.setattr(view_card, "_ready", {})
+    assert view(worker, monkeypatch, parts=[Part(0, Tile(0, 0, 160, 130), 0, 4)], draft=0.0, is_smooth=True) == [
+        ("declined", {"is_loading": True}),
+        ("over", {}),
+    ]
 
 
 @pytest.mark.parametrize(
