@@ -376,8 +376,8 @@ class ViewScheduler:
         settings = replace(session.settings, width=width, height=height)
         parts = [Part(0, Tile(0, 0, width, height), 0, samples)]
         about = (out.id, session.id, session.view, session.compiled)
-        of_draft = {"draft": session.request.draft_exposure, "is_smooth": session.denoises}
-        self._send(out, ViewParts(*about, settings, parts, on_card=True, **of_draft))
+        exposure = session.request.draft_exposure
+        self._send(out, ViewParts(*about, settings, parts, on_card=True, draft=exposure, is_smooth=session.denoises))
 
     def means(self, message: str) -> bytes | None:
         """Returns the picture that a worker is to denoise (ViewDenoise); None if the view has changed. message: its id."""

@@ -30,4 +30,3 @@ def json_of(view: dict[str, Any]) -> dict[str, Any]:
 def test_moved_view_is_the_resolved_one(more: dict[str, Any]) -> None:
     for view in ({**VIEW, "eye": [3.0, 2.0, 1.0]}, {**VIEW, "fov": 20.0, "up": [0.3, 1.0, 0.0]}):
         assert move_view(resolved(1, VIEW, **more), 2, json_of(view)) == resolved(2, view, **more)
-
