@@ -29,7 +29,7 @@ _COLOR, _ALBEDO, _SAMPLES, _MATERIAL = (np.uintp(plane) for plane in (COLOR.star
 _NORMAL, _POSITION, _DISTANCE = (np.uintp(plane) for plane in (NORMAL.start, POSITION.start, DEPTH))
 _LEAST_ALBEDO = np.float32(0.05)
 _MIDDLE, _BESIDE = np.float32(0.375), np.float32(0.25)  # the filter's kernel along an axis
-_BENT = np.float32(8.0)  # 1 / the squared difference of two normals whose pixels are not mixed
+_BENT = np.float32(2.0)  # 1 / the squared difference of two normals from which pixels are not mixed
 _APART = np.float32(0.004)  # distance from the tangent plane at which pixels are not mixed, of the hit's distance, a pixel's step
 _CONTRAST = np.float32(0.2)  # 1 / the stops of brightness that halve a weight in the first pass; twice that in each further one
 
