@@ -97,6 +97,7 @@ class ViewParts:
     has_guides: bool = False  # whether albedo and normal are wanted, too, which guide a denoiser
     on_card: bool = False  # whether the slot's graphics card renders them; if it cannot, they are declined
     draft: float | None = None  # exposure, in stops, of the draft that answers the only part; None: sums answer the parts
+    is_smooth: bool = False  # whether the draft is smoothed (renderer/kernel/draft.py)
 
     def to_json(self) -> dict[str, Any]:
         """Returns the message as JSON data for Celery; without guides, card and draft, as in earlier releases."""
@@ -104,7 +105,7 @@ class ViewParts:
         fields = {
             name: value
             for name, value in vars(self).items()
-            if value is not None and (value or name not in ("has_guides", "on_card"))
+            if value is not None and (value or name not in ("has_guides", "on_card", "is_smooth"))
         }
         return {**fields, "settings": self.settings.to_json(), "parts": parts}
 
@@ -119,6 +120,7 @@ class ViewParts:
             has_guides=bool(data.get("has_guides")),
             on_card=bool(data.get("on_card")),
             draft=None if data.get("draft") is None else float(data["draft"]),
+            is_smooth=bool(data.get("is_smooth")),
         )
 
 
@@ -178,7 +180,8 @@ class ViewAnswer:
     begun      a slot has taken the message: message, worker
     compiling  the worker is compiling its kernel, which may take minutes: message, worker
     part       a part is rendered: number, seconds, with the sums attached
-    draft      the part of a message with `draft` is rendered: seconds, with the draft attached, a JPEG (DraftHead)
+    draft      the part of a message with `draft` is rendered, which ends the message: seconds, with the draft attached, a JPEG
+               (DraftHead). Its slot sends neither `begun` nor `over`
     frame      a frame is prepared: frame, info (FrameInfo)
     declined   the slot's graphics card does not render the parts, so CPU slots must. is_loading: it loads the scene for later
                messages, and ends this one with `over`. Otherwise error: why it cannot, which ends the message

@@ -30,7 +30,8 @@ class Look(FromClient):
     Size, camera or view, settings, frame, clip, fps and turntable of POST /api/jobs are used. spp limits the samples per pixel
     (256 at most); a tile that has reached `noise` is complete with fewer. denoise: show denoised pictures where the workers can
     make them. alpha: tiles have alpha if the background is transparent; without it the background is visible. draft: the
-    client's exposure in stops; a graphics card's first picture of a view may then be a draft (DraftHead) for that exposure.
+    client's exposure in stops; a graphics card's first picture of a view may then be a draft (DraftHead) for that exposure, which
+    is smoothed if the view is denoised.
     """
 
     KEY: ClassVar[str] = "id"

@@ -15,6 +15,7 @@ from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cpu.rows import CAUSTIC_ROW, LAYOUT
 from renderer.kernel.backends.cuda.wavefront import COUNTERS, LISTS, Wave
 from renderer.kernel.camera import Camera, camera_frame
+from renderer.kernel.draft import GUIDE_VALUES, LIGHT_VALUES
 from renderer.kernel.light_groups import GROUP_ROW
 from renderer.kernel.options import Options, kernel_options
 from renderer.variant_names import example_of
@@ -50,7 +51,7 @@ def wave_for(
 
     scene: with a compressed tree, in the form that the variant's kernels expect. recorded: number of columns of the records of
     samples; 0 for no records. draft_exposure: of a draft of the film, in stops; None: no draft. The rows and lists of the paths
-    and the draft are not initialised.
+    and the arrays of the draft are not initialised.
     """
     pool, lists = np.empty((_columns(scene, options), 2 * paths), np.float32), np.empty((LISTS, 2 * paths), np.uint32)
     lengths, branches = np.zeros(LISTS, np.int64), np.empty(paths, np.int64)
@@ -58,10 +59,11 @@ def wave_for(
     film = np.zeros((planes, height, width), np.int64)
     counters = np.zeros(COUNTERS, np.int64)
     records = np.full((width * height * batch.count if recorded else 0, recorded or 2), NOT_FINITE, np.uint32)
-    draft = np.empty((0, 0) if draft_exposure is None else (height, width), np.uint32)
-    draft_scale = np.float32(2.0 ** (draft_exposure or 0.0)) / options.scale
+    size = (0, 0) if draft_exposure is None else (height, width)
+    draft, light = np.empty(size, np.uint32), np.empty((2, *size, LIGHT_VALUES), np.float32)
+    of_draft = draft, light, np.empty((*size, GUIDE_VALUES), np.float32), np.float32(2.0 ** (draft_exposure or 0.0)), np.int64(0)
     arrays = film, counters, pool, lists, lengths, branches, records
-    return Wave(scene, camera, options, batch, *arrays, np.bool_(second), draft, draft_scale)
+    return Wave(scene, camera, options, batch, *arrays, np.bool_(second), *of_draft)
 
 
 def wave_type(variant: str) -> Any:

@@ -24,6 +24,7 @@ from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cuda.ptx import THREADS
 from renderer.kernel.backends.cuda.wavefront import ACTIVE, BAD, RAYS, Wave
 from renderer.kernel.camera import Camera
+from renderer.kernel.draft import SMOOTHING_PASSES
 from renderer.kernel.options import Options
 from renderer.reference import packed
 from renderer.sentences import Sentence
@@ -31,7 +32,7 @@ from renderer.threads import Team
 
 __all__ = ["CardError", "CardMemoryError", "CardRenderer", "Rendered"]
 
-_KEPT = "film", "draft", "pool", "lists", "branches"  # fields of a Wave whose GPU memory is kept
+_KEPT = "film", "draft", "draft_light", "draft_guides", "pool", "lists", "branches"  # fields of a Wave whose GPU memory is kept
 _OUT_OF_MEMORY = "CUDA_ERROR_OUT_OF_MEMORY"
 _ENTRY = re.compile(r"\.entry (\w+)\(")
 _PARAMETER = re.compile(r"\b\w+_param_0\[(\d+)\]")
@@ -121,15 +122,20 @@ class CardRenderer:
         width: int,
         height: int,
         exposure: float,
+        is_smooth: bool,
     ) -> npt.NDArray[np.uint32]:
         """Renders a batch as `render` does; returns its draft (renderer/kernel/draft.py), (height, width) uint32.
 
-        Only the draft is copied from the card. exposure: of the draft, in stops. Raises CardError.
+        Only the draft is copied from the card. exposure: of the draft, in stops. is_smooth: whether it is smoothed. Raises
+        CardError.
         """
         with self._card_errors():
             paths, wave = self._wave(scene, options, batch, width, height, camera=camera, draft_exposure=exposure)
             with self._launched(wave, variant, paths) as own:
-                self._launch(variant, "encode_draft", packed(wave, self._addresses(own)), width * height)
+                kernels = ["prepare_draft", *["smooth_draft"] * (SMOOTHING_PASSES if is_smooth else 0), "encode_draft"]
+                for number, kernel in enumerate(kernels, -1):
+                    data = packed(wave._replace(draft_pass=np.int64(number)), self._addresses(own))
+                    self._launch(variant, kernel, data, width * height)
                 self._device.download(own[id(wave.draft)], wave.draft)
         return wave.draft
 

@@ -36,7 +36,7 @@ from service.models.jobs import JobIn, ViewModel
 from service.models.notes import MAX_AUTHOR
 from service.models.strict import Strict
 from service.viewing.session import ViewSession
-from service.viewing.view_request import ViewRequest, resolve_view, shows_home
+from service.viewing.view_request import ViewRequest, move_view, resolve_view, shows_home
 
 __all__ = ["router"]
 
@@ -51,6 +51,7 @@ MAX_WAIT_S = 0.25
 PREPARING_POLL_S = 0.1
 SUPERSEDED_WAIT_S = 3.0  # seconds to wait for an environment that is already superseded
 RETRY_EVERY_S = 1.0  # seconds between attempts to render a view
+SCENE_VALID_S = 1.0  # seconds for which a scene's row is not read again while only the camera moves
 MAX_MESSAGE_BYTES = 1 << 16  # of a message
 INVALID_MESSAGE = Sentence(
     "view-message-invalid",
@@ -135,6 +136,7 @@ class _Viewer:
         self._notice: str | None = None  # why the requested view is not rendered yet
         self._rests_s = RETRY_EVERY_S
         self._held: str | None = None  # id of the scene's row
+        self._resolved: tuple[ViewIn, ViewRequest, float] | None = None  # the latest that was looked up, and when
         self.person = farm.visitors.enter(scene, user, self._changed.set)
         self._sent_people: list[dict[str, Any]] = []
         self._people_sent_at = 0.0
@@ -219,7 +221,9 @@ class _Viewer:
         ask, makes, tries_again: as for `_resolve`. Does not raise FarmError: queues it as a message for the page.
         """
         try:
-            view = await run_in_threadpool(self._resolve, ask, makes, tries_again)
+            view = self._move(ask) if tries_again else None
+            if view is None:
+                view = await run_in_threadpool(self._resolve, ask, makes, tries_again)
         except FarmError as error:
             self._queue_error(str(error), ask.id)
             self._ask = None if ask is self._ask else self._ask
@@ -258,11 +262,23 @@ class _Viewer:
         if row.id != self._held:
             lighting.hold(row.id)
             self.release()
-            self._held = row.id
+            self._held, self._resolved = row.id, None
         if row.status == "preparing":
             return None
         view = resolve_view(ask.id, request, row, ask.is_shot, ask.numbers()[0], ask.alpha, ask.draft)
-        return replace(view, is_home=shows_home(view, row))
+        view = replace(view, is_home=shows_home(view, row))
+        self._resolved = ask, view, time.monotonic()
+        return view
+
+    def _move(self, ask: ViewIn) -> ViewRequest | None:
+        """Returns the view to render if it differs in its camera alone from one looked up a moment ago; otherwise None."""
+        if self._resolved is None or ask.view is None or ask.views:
+            return None
+        known, view, at = self._resolved
+        is_same = known.view is not None and ask.model_copy(update={"id": known.id, "view": known.view}) == known
+        if not is_same or time.monotonic() - at > SCENE_VALID_S:
+            return None
+        return move_view(view, ask.id, ask.view.model_dump(mode="json"))
 
     def release(self) -> None:
         """Releases the scene that was derived for the current view's lighting, so that it can be deleted."""
@@ -278,8 +294,10 @@ class _Viewer:
             while self.session.picked:
                 await self._socket.send_text(_encoded_message(self.session.picked.pop(0)))
             picture = None
-            if not self.session.is_paused and len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.session.is_picture_due():
-                picture = await run_in_threadpool(self.session.take_packet, self._seq + 1)
+            if not self.session.is_paused and len(self._unacknowledged) < MAX_UNACKNOWLEDGED:
+                picture = self.session.take_draft(self._seq + 1)  # is encoded already
+                if picture is None and self.session.is_picture_due():
+                    picture = await run_in_threadpool(self.session.take_packet, self._seq + 1)
             if picture is not None:
                 self._seq += 1
                 self._unacknowledged.append(self._seq)

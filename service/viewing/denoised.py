@@ -22,11 +22,16 @@ class DenoisedView:
 
     The small pictures of a new view are denoised once each, so that the view is soon clean. The whole one is denoised at 1, 2, 4,
     8 ... samples per pixel and at the end, one at a time, and for at most a quarter of the time, or half of it while it has fewer
-    than EARLY_SAMPLES. Once one was shown, pictures with noise are not, so that the view does not flicker.
+    than EARLY_SAMPLES. Once one was shown, or a draft, pictures with noise are not, so that the view does not flicker.
     """
 
-    def __init__(self, *, keeps: bool = False) -> None:
-        """Creates the state of a new view. keeps: whether the latest picture of the whole view is kept after it was shown."""
+    def __init__(self, first: float = 1.0, *, keeps: bool = False) -> None:
+        """Creates the state of a new view.
+
+        first: mean samples per pixel at which the whole picture is denoised first. keeps: whether the latest picture of the whole
+        view is kept after it was shown.
+        """
+        self._first = first
         self._keeps = keeps
         self.kept: tuple[npt.NDArray[np.uint32], float] | None = None  # RGB9E5 words (h, w), and mean samples per pixel
         self.means: bytes | None = None  # of the picture that is being denoised: colour, albedo, normal
@@ -48,7 +53,7 @@ class DenoisedView:
         now = time.monotonic()
         if self.means is not None or least == 0 or now < self._lost_until or (now < self._rests_until and not is_complete):
             return False
-        return mean >= max(1.0, 2 * self._samples) or (is_complete and mean > self._samples)
+        return mean >= max(self._first, 2 * self._samples) or (is_complete and mean > self._samples)
 
     def is_small_due(self, level: int, is_complete: bool) -> bool:
         """Returns True if the picture of a level below the whole view's is to be denoised now. is_complete: as above."""

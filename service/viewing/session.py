@@ -1,6 +1,6 @@
 """Session of a live view: the requested view, its pictures so far, and the messages to the page.
 
-The scheduler's thread adds sums; threads of the event loop read pictures. A lock protects the sums.
+The scheduler's thread adds sums; threads of the event loop read pictures. A lock protects the sums; drafts need none.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import math
 import threading
 import time
 import uuid
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -80,20 +81,20 @@ class ViewSession:
         self._denoised: DenoisedView | None = None  # None: the view is not denoised
         self.draft_size: DraftSize | None = None  # of this view's draft; None: it has none
         self._drafted = 0.0  # when that came; 0: not yet
-        self._draft: tuple[DraftHead, bytes] | None = None  # not taken yet; it may be of the previous view
+        self._draft: deque[tuple[DraftHead, bytes]] = deque(maxlen=1)  # not taken yet; it may be of the previous view
         self._undrafted = 0  # the latest view whose draft was lost
 
     @property
     def is_ready_for_next(self) -> bool:
         """Returns True if the requested view may replace the current one now.
 
-        That is so once the current view has shown a picture, a denoised one if it is to be denoised, an error or a message, or
-        has run for MIN_PICTURE_WAIT_S seconds, MIN_DENOISED_WAIT_S while its first picture is being denoised, or MIN_DRAFT_WAIT_S
-        while its draft is being rendered.
+        That is so once the current view has shown a picture, a denoised one or its draft if it is to be denoised, an error or a
+        message, or has run for MIN_PICTURE_WAIT_S seconds, MIN_DENOISED_WAIT_S while its first picture is being denoised, or
+        MIN_DRAFT_WAIT_S while its draft is being rendered.
         """
         if self.wanted is None:
             return False
-        has_picture = self.has_picture if self._denoised is None else self._denoised.has_shown
+        has_picture = self.has_picture if self._denoised is None or self.draft_size else self._denoised.has_shown
         is_over = self.request is None or has_picture or self.error is not None or self.message is not None
         is_denoising = self._denoised is not None and self._denoised.means is not None
         wait_s = MIN_DENOISED_WAIT_S if is_denoising else MIN_DRAFT_WAIT_S if self.draft_size else MIN_PICTURE_WAIT_S
@@ -112,7 +113,8 @@ class ViewSession:
     def free_pictures(self) -> None:
         """Frees the pictures of a closed session at once, although other objects may still refer to the session."""
         with self._lock:
-            self.settings, self.passes, self._canvases, self._denoised, self._draft = None, None, [], None, None
+            self.settings, self.passes, self._canvases, self._denoised = None, None, [], None
+            self._draft.clear()
 
     @property
     def pixels(self) -> int:
@@ -142,7 +144,7 @@ class ViewSession:
         compiled: SHA-256 of the compiled scene. kind: the worker kind (renderer.jit.kind) that renders it. cost_s: seconds per
         sample of a pixel on one slot. slots: number of slots of that kind. denoises: whether the view is denoised.
         card_rate: samples of a pixel per second of graphics cards that render it, too. draft: of the draft that precedes them, in
-        place of a small picture, unless the view is denoised, has alpha, or has lost one.
+        place of a small picture, unless the view has alpha, or has lost one.
         """
         assert self.request is not None
         seen = replace(settings, light_groups="", light_paths="off", cryptomatte=0, deep=0)
@@ -152,7 +154,7 @@ class ViewSession:
         with self._lock:
             self.settings, self.compiled, self.kind = seen, compiled, kind
             denoises = denoises and not seen.is_transparent  # the denoiser makes no alpha
-            if draft is not None and not denoises and not seen.is_transparent and self.view != self._undrafted:
+            if draft is not None and not seen.is_transparent and self.view != self._undrafted:
                 self.draft_size, levels = draft, levels[-1:]
             self.passes = Passes(levels, cost_s, has_guides=denoises)
             self._canvases = [
@@ -165,7 +167,7 @@ class ViewSession:
                 )
                 for level in levels
             ]
-            self._denoised = DenoisedView(keeps=self.request.is_home) if denoises else None
+            self._denoised = DenoisedView(max(self._whole_draft_samples, 1), keeps=self.request.is_home) if denoises else None
 
     def settings_of(self, piece: Piece) -> RenderSettings:
         """Returns the render settings of a piece: those of the view, with its level's size; a guide's have depth 1."""
@@ -187,6 +189,11 @@ class ViewSession:
             self.has_picture = self.has_picture or canvas.samples > 0
         if self.passes is not None and canvas.tile_is_complete(piece.tile):
             self.passes.complete_tile(piece.level, piece.tile)
+
+    @property
+    def denoises(self) -> bool:
+        """Returns True if the view is denoised."""
+        return self._denoised is not None
 
     def needs_guides(self, pieces: list[Piece]) -> bool:
         """Returns True if albedo and normal of these pieces, which are of one level, guide the denoiser."""
@@ -248,7 +255,8 @@ class ViewSession:
         whole = self.request.settings.width, self.request.settings.height
         head = DraftHead(self.request.id, 0, width, height, *whole, samples, self.request.draft_exposure)
         with self._lock:
-            self._draft, self._drafted, self.has_picture = (head, jpeg), time.monotonic(), True
+            self._drafted, self.has_picture = time.monotonic(), True
+        self._draft.append((head, jpeg))
 
     def stop_drafts(self) -> None:
         """Renders the view without a draft, since that was lost, or no card makes it."""
@@ -304,9 +312,13 @@ class ViewSession:
     @property
     def _draft_samples(self) -> int:
         """Samples per pixel of the draft that has come, if it has the view's full size; otherwise 0."""
+        return self._whole_draft_samples if self._drafted else 0
+
+    @property
+    def _whole_draft_samples(self) -> int:
+        """Samples per pixel of the view's draft, if it has the view's full size; otherwise 0."""
         size, level = self.draft_size, self._canvases[-1].level
-        is_whole = size is not None and bool(self._drafted) and (size.width, size.height) == (level.width, level.height)
-        return size.samples if size is not None and is_whole else 0
+        return size.samples if size is not None and (size.width, size.height) == (level.width, level.height) else 0
 
     @property
     def noise(self) -> float | None:
@@ -328,17 +340,22 @@ class ViewSession:
     def is_picture_due(self) -> bool:
         """Returns True if it is time to send a picture."""
         with self._lock:
-            return self._draft is not None or self._has_denoised() or self._due_level() is not None
+            return self._has_denoised() or self._due_level() is not None
 
     def _has_denoised(self) -> bool:
         return self._denoised is not None and self._denoised.has_picture
 
+    def take_draft(self, seq: int) -> bytes | None:
+        """Returns the latest draft as a packet with sequence number `seq`; None if it was taken, or there is none."""
+        try:
+            head, jpeg = self._draft.popleft()
+        except IndexError:
+            return None
+        return encode_draft(head._replace(seq=seq), jpeg)
+
     def take_packet(self, seq: int) -> bytes | None:
         """Returns the changed tiles of the picture as a packet with sequence number `seq`; None if no picture is due."""
         with self._lock:
-            if self._draft is not None:
-                (head, jpeg), self._draft = self._draft, None
-                return encode_draft(head._replace(seq=seq), jpeg)
             level = self._due_level()
             if self.request is not None and self._has_denoised():
                 return self._take_denoised(self.request, seq)
@@ -372,7 +389,7 @@ class ViewSession:
 
     def _due_level(self) -> int | None:
         """Returns the index of the resolution level whose picture is to be sent now, or None."""
-        if self._denoised is not None and self._denoised.has_shown:
+        if self._denoised is not None and (self._denoised.has_shown or self._drafted):
             return None
         for level in range(len(self._canvases) - 1, max(self._shown, 0) - 1, -1):
             canvas = self._canvases[level]

@@ -19,7 +19,7 @@ from service.intake.resolve import frame_settings, resolve
 from service.models.jobs import JobIn
 from service.store.models import Job, Scene
 
-__all__ = ["MAX_PIXELS", "MAX_SAMPLES", "FrameRequest", "ViewRequest", "home_view", "resolve_view", "shows_home"]
+__all__ = ["MAX_PIXELS", "MAX_SAMPLES", "FrameRequest", "ViewRequest", "home_view", "move_view", "resolve_view", "shows_home"]
 
 MAX_PIXELS = 1 << 21  # the sums of a view are held in memory
 MAX_SAMPLES = 256
@@ -159,3 +159,18 @@ def _what_is_seen(settings: RenderSettings) -> RenderSettings:
 def _frame(view: ViewRequest) -> FrameRequest | None:
     """Returns the frame of a view without its camera, which the settings have."""
     return None if view.frame_request is None else replace(view.frame_request, camera=None, view=None)
+
+
+def move_view(request: ViewRequest, id: int, view: dict[str, Any]) -> ViewRequest:
+    """Returns what `resolve_view` returns if only the camera has changed since `request`, in a tenth of the time. Raises Invalid.
+
+    id: the number that the page has chosen. view: the new camera as JSON; that of `request` was given by its `view`, too.
+    """
+    camera = View.from_json({name: value for name, value in view.items() if value is not None})
+    try:
+        settings = replace(request.settings, view=camera)
+    except SettingsError as error:
+        raise Invalid(with_full_stop(error)) from None
+    frame_request = request.frame_request and replace(request.frame_request, view=view)
+    job_request = {**request.job_request, "view": view}
+    return replace(request, is_home=False, id=id, settings=settings, job_request=job_request, frame_request=frame_request)

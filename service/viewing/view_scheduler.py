@@ -380,7 +380,8 @@ class ViewScheduler:
         settings = replace(session.settings, width=width, height=height)
         parts = [Part(0, Tile(0, 0, width, height), 0, samples)]
         about = (out.id, session.id, session.view, session.compiled)
-        self._send(out, ViewParts(*about, settings, parts, on_card=True, draft=session.request.draft_exposure))
+        exposure = session.request.draft_exposure
+        self._send(out, ViewParts(*about, settings, parts, on_card=True, draft=exposure, is_smooth=session.denoises))
 
     def means(self, message: str) -> bytes | None:
         """Returns the picture that a worker is to denoise (ViewDenoise); None if the view has changed. message: its id."""
@@ -432,7 +433,7 @@ class ViewScheduler:
         session = out.session
         out.last_seen, out.has_started = time.monotonic(), True
         if out.card:
-            self._cards.record_answer(out.card, answer.type == "begun")
+            self._cards.record_answer(out.card, answer.type in ("begun", "draft"))
         match answer.type:
             case "begun":
                 self._set_message(session, None, self._workers.slots(out.kind))
@@ -511,13 +512,11 @@ class ViewScheduler:
             session.wake()
 
     def _handle_draft(self, out: PendingMessage, answer: ViewAnswer) -> None:
+        self._out.pop(out.id, None)
         session = out.session
-        if (
-            out.draft is None or out.draft != session.draft_size or session.request is None
-        ):  # another since the view was restarted
+        if out.draft is None or out.draft != session.draft_size or session.request is None:  # the view was restarted
             return
         width, height, samples = out.draft
-        out.draft = None
         self._cards.update_draft(session.request, out.card, answer.seconds / (width * height * samples))
         session.put_draft(answer.sums)
         session.wake()

@@ -1,10 +1,11 @@
 """Drafts of live views: pictures per second and processor time of all stages but a graphics card's.
 
-    python3 farm.py bench drafts [--scene scenes/cornell-box.yaml] [--size 1920x1080] [--seconds 10] [--page]
+    python3 farm.py bench drafts [--scene scenes/cornell-box.yaml] [--size 1920x1080] [--seconds 10] [--noisy] [--page]
 
-The worker is that of instant_card.py, whose card takes 1 ms. A viewer requests 60 views per second, as a page does while the
-camera moves: drafts per second, their bytes and their age on arrival, and the processor time of service, broker and worker per
-draft. --page: Chromium shows the drafts, too, while the pointer drags the view.
+The worker is that of instant_card.py, whose card takes 1 ms, beside a farm with one slot. A viewer requests 60 denoised views per
+second, as a page does while the camera moves: drafts per second, their bytes and their age on arrival, and the processor time of
+service, broker and worker per draft; then the time from the last request to the denoised picture. --noisy: views that are not
+denoised. --page: Chromium shows the drafts, too, while the pointer drags the view.
 """
 
 from __future__ import annotations
@@ -55,11 +56,12 @@ def main() -> None:
     parser.add_argument("--scene", default="scenes/cornell-box.yaml")
     parser.add_argument("--size", default="1920x1080")
     parser.add_argument("--seconds", type=float, default=10)
+    parser.add_argument("--noisy", action="store_true")
     parser.add_argument("--page", action="store_true")
     options = parser.parse_args()
     with contextlib.ExitStack() as ends:
         folder = Path(ends.enter_context(tempfile.TemporaryDirectory(prefix="rayfarm-bench-")))
-        farm = start_farm(folder / "farm", 0, b"http://")
+        farm = start_farm(folder / "farm", 1)
         ends.callback(stop_farm, farm)
         worker = join(farm, options, folder / "worker.log", ends)
         with farm.client() as client:
@@ -73,7 +75,16 @@ def main() -> None:
 
 def join(farm: Farm, options: argparse.Namespace, log: Path, ends: contextlib.ExitStack) -> subprocess.Popen[bytes]:
     """Starts the worker; returns when it is ready."""
-    command = [sys.executable, "-m", "tests.benchmarks.instant_card", options.scene, options.size, "--service", farm.url]
+    command = [
+        sys.executable,
+        "-m",
+        "tests.benchmarks.instant_card",
+        options.scene,
+        options.size,
+        "--service",
+        farm.url,
+        "--paired",
+    ]
     environment = {**os.environ, "RAYFARM_TOKEN": farm.token}
     with log.open("ab") as out:
         process = subprocess.Popen(
@@ -85,7 +96,8 @@ def join(farm: Farm, options: argparse.Namespace, log: Path, ends: contextlib.Ex
     def is_ready() -> bool:
         if process.poll() is not None:
             sys.exit(log.read_text()[-2000:])
-        return any(each["state"] == "ready" for each in httpx.get(f"{farm.url}/api/workers").json())
+        workers = httpx.get(f"{farm.url}/api/workers").json()
+        return len(workers) == 2 and all(each["state"] == "ready" for each in workers)
 
     wait_until(is_ready, 300, "the worker has joined")
     return process
@@ -130,7 +142,7 @@ def measure(farm: Farm, scene: str, options: argparse.Namespace, parts: dict[str
     view = httpx.get(f"{farm.url}/api/scenes/{scene}").json()["cameras"][0]["view"]
     width, height = map(int, options.size.split("x"))
     with connect(f"ws{farm.url[4:]}/api/scenes/{scene}/viewport", proxy=None, max_size=None) as socket:
-        viewer = Viewer(socket, view, (width, height), draft=0.0)
+        viewer = Viewer(socket, view, (width, height), draft=0.0, denoise=not options.noisy)
         viewer.send(0.0)
         viewer.until_samples(4)
         drafts: list[tuple[float, int]] = []  # age in seconds, bytes
@@ -139,6 +151,9 @@ def measure(farm: Farm, scene: str, options: argparse.Namespace, parts: dict[str
         run(viewer, options.seconds, drafts)
         spent.report(f"{options.scene} at {width}x{height}", [age for age, _ in drafts])
         print(f"  {np.mean([size for _, size in drafts]) / 1e3:.0f} kB a draft")
+        if not options.noisy:
+            begun = viewer.sent[viewer.id]
+            print(f"  denoised {viewer.until_denoised() - begun:.2f} s after the last request", flush=True)
 
 
 def run(viewer: Viewer, seconds: float, drafts: list[tuple[float, int]]) -> None:
@@ -165,7 +180,8 @@ def measure_page(farm: Farm, scene: str, options: argparse.Namespace, parts: dic
         browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
         context = browser.new_context(viewport={"width": 1800, "height": 1000}, device_scale_factor=2)
         context.add_init_script(WATCH)
-        context.add_init_script("localStorage['rayfarm-view-denoise'] = 'off'")
+        if options.noisy:
+            context.add_init_script("localStorage['rayfarm-view-denoise'] = 'off'")
         page = context.new_page()
         page.goto(f"{farm.url}/#/scenes/{scene}")
         page.get_by_label("Width", exact=True).fill(str(width))

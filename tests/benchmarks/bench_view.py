@@ -84,6 +84,13 @@ class Viewer:
             if said["type"] == "state" and said["id"] == self.id and said["samples"] >= wanted:
                 return time.perf_counter()
 
+    def until_denoised(self) -> float:
+        """Waits for the first picture of the latest view after its draft, a denoised one; returns when it came."""
+        while True:
+            message = self.packet(240.0)
+            if message is not None and message[1] == VIEW.kind and VIEW.unpack(message).id == self.id:
+                return time.perf_counter()
+
     def _take(self, message: bytes) -> None:
         layout = DRAFT if message[1] == DRAFT.kind else VIEW
         self.socket.send(json.dumps({"ack": layout.unpack(message).seq}))

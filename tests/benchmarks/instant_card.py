@@ -49,16 +49,16 @@ class Picture:
         settings = RenderSettings(width, height, description.cameras[0].view)
         sums = render_frame(compile_scene(description), settings, SPP)
         self.sample = sums[COLOR] // SPP
-        self.words = draft_of(sums, settings.film_exponent)
-        self.drafts: dict[tuple[int, int], Any] = {}
+        self.words = [draft_of(sums, settings.film_exponent, is_smooth=is_smooth) for is_smooth in (False, True)]
+        self.drafts: dict[tuple[int, int, bool], Any] = {}
 
-    def draft(self, scene: Any, settings: RenderSettings, *_: Any, exposure: float) -> Any:
+    def draft(self, scene: Any, settings: RenderSettings, *_: Any, exposure: float, is_smooth: bool) -> Any:
         """Returns every n-th pixel of the draft, in the size of the settings."""
         time.sleep(RENDER_S)
-        size = settings.width, settings.height
-        if size not in self.drafts:
-            self.drafts[size] = np.ascontiguousarray(self.words[self._places(settings)])
-        return self.drafts[size]
+        key = settings.width, settings.height, is_smooth
+        if key not in self.drafts:
+            self.drafts[key] = np.ascontiguousarray(self.words[is_smooth][self._places(settings)])
+        return self.drafts[key]
 
     def batch(self, scene: Any, settings: RenderSettings, tile: Tile, first: int, count: int, card: Any) -> BatchSums:
         """Returns sums whose mean is that of the picture."""
@@ -71,7 +71,7 @@ class Picture:
         return BatchSums(sums, [], 0)
 
     def _places(self, settings: RenderSettings) -> tuple[Any, Any]:
-        height, width = self.words.shape
+        height, width = self.words[0].shape
         rows = np.arange(settings.height) * height // settings.height
         return rows[:, None], np.arange(settings.width)[None] * width // settings.width
 

@@ -435,7 +435,8 @@ class PeerWorker:
             self.unwanted.append(work)
             return
         self.current = {"view": work.watch, "message": work.message}
-        self._tell(work, "begun")
+        if work.draft is None:
+            self._tell(work, "begun")
         assert work.on_card == self.has_cards
         if (declined := self.on_view(work)) is not None:
             self._tell(work, "declined", **declined)
@@ -453,7 +454,7 @@ class PeerWorker:
                 self.parts.append((work, part))
                 if work.draft is not None:
                     self._tell(work, "draft", self.draft_jpeg, seconds=1e-9 * part.tile.w * part.tile.h * part.count)
-                    continue
+                    return
                 self._tell(work, "part", pack_sums(sums), number=part.number, seconds=1e-5 * part.tile.w * part.tile.h)
             self._tell(work, "over")
         except ValueError as error:

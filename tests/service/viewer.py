@@ -78,7 +78,8 @@ class Viewer:
             assert head.seq == self.seq + 1
             self.seq = head.seq
             self.drafts.append((head, message[DRAFT.size :]))
-            self.say(ack=head.seq)
+            if self.acknowledges:
+                self.say(ack=head.seq)
             return
         version, kind, count, id, seq, width, height, _, _ = HEADER.unpack_from(message)
         assert (version, kind) == (2, 3)

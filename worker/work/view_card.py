@@ -45,7 +45,8 @@ def render_view_on_card(worker: WorkerContext, work: ViewParts, report_compiling
     """
     if work.draft is None:
         return _render_and_send(worker, work, report_compiling, render_batch, _send_sums)
-    return _render_and_send(worker, work, report_compiling, partial(render_draft, exposure=work.draft), _send_draft)
+    render = partial(render_draft, exposure=work.draft, is_smooth=work.is_smooth)
+    return _render_and_send(worker, work, report_compiling, render, _send_draft)
 
 
 def _render_and_send(
@@ -55,11 +56,15 @@ def _render_and_send(
     render: Render[T],
     send: Callable[[ViewAnswers, ViewParts, Block, T, float], None],
 ) -> float:
-    """Renders and answers as `render_view_on_card` states. render: as for `render_blocks`. send: sends its result for a block."""
+    """Renders and answers as `render_view_on_card` states. render: as for `render_blocks`. send: sends its result for a block.
+
+    A draft is the only answer to its message: further ones would take as long as all else but its compression.
+    """
     answering = ViewAnswers(worker, work)
     if not answering.is_wanted():
         return 0.0
-    answering.send("begun")
+    if work.draft is None:
+        answering.send("begun")
     is_loading = work.compiled not in _ready
     if is_loading:
         answering.send("declined", is_loading=True)
@@ -84,6 +89,9 @@ def _render_and_send(
                 if is_loading:
                     break
                 samples, seconds = samples + block.samples, seconds + took
+                if work.draft is not None:
+                    send(answering, work, block, rendered, took)
+                    continue
                 while len(sending) >= MAX_PACKED_BEHIND:
                     sending.pop(0).result()
                 sending.append(sender.submit(send, answering, work, block, rendered, took))
@@ -106,7 +114,8 @@ def _render_and_send(
             answering.send("declined", error=sentence)
             return 0.0
         _wait_for(sending)
-    answering.send("over")
+    if work.draft is None or is_loading:
+        answering.send("over")
     return samples / seconds if seconds else 0.0
 
 

@@ -30,6 +30,8 @@ BUDGET = {
     "scatter_rare": (1152, 640, 255),
     "shade_misses": (256, 192, 200),
     "end_paths": (256, 64, 64),
+    "prepare_draft": (0, 0, 64),
+    "smooth_draft": (0, 0, 64),
     "encode_draft": (0, 0, 40),
     "shade_hits": (256, 192, 255),  # its spills are those of reflection catchers; without, there are 16 bytes
 }

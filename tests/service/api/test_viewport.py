@@ -22,7 +22,7 @@ from renderer.settings import Tile
 from service.access.rate_limit import RateLimit
 from service.scenes import takes
 from service.scheduling.records import Records
-from service.viewing import memory_limit
+from service.viewing import memory_limit, view_cards
 from service.viewing.passes import GUIDE_SAMPLES
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
@@ -223,6 +223,11 @@ def test_parts_of_lost_worker_are_rendered_again(service: Service) -> None:
             np.testing.assert_array_equal(viewer.words, rgbe9995.pack(expected))
 
 
+def makes_drafts(service: Service) -> bool:
+    """Returns True if the service knows a card that makes drafts."""
+    return any(report.drafts_views for report in service.farm.views._cards.accepting("test-kind"))
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("trouble", ("none", "loads", "cannot", "dies"))
 def test_cards_draft_a_view_while_it_moves(service: Service, worker: PeerWorker, trouble: str) -> None:
@@ -240,7 +245,7 @@ def test_cards_draft_a_view_while_it_moves(service: Service, worker: PeerWorker,
         card.report()
         card.on_part = lambda work, part: False if trouble == "dies" and work.draft is not None else None
         with look(service, service.ready_scene()) as viewer:
-            until(lambda: service.farm.views._cards.accepting("test-kind"), "the card is known")
+            until(lambda: makes_drafts(service), "the card is known")
             viewer.show(1, spp=2)
             viewer.wait(1, 2)
             assert not viewer.drafts, "a view that requests no draft gets none"
@@ -264,6 +269,46 @@ def test_cards_draft_a_view_while_it_moves(service: Service, worker: PeerWorker,
             expected = film_math.mean(expected_sums(Tile(0, 0, 96, 64), 0, 32, 3), 24)
             np.testing.assert_array_equal(viewer.words, rgbe9995.pack(expected))
             assert not viewer.errors
+
+
+@pytest.mark.long
+def test_denoised_view_has_drafts_while_it_moves_and_is_denoised_at_rest(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Drafts are smoothed; nothing with noise follows them. A viewer that acknowledges late gets the latest draft next."""
+    monkeypatch.setattr(view_cards, "START_TIMEOUT_S", 10.0)  # or a busy machine's card is taken to be busy, too
+    with (
+        service.worker(denoises=True) as worker,
+        service.worker(name="card", slots=1, has_cards=True, views=False, denoises=False) as card,
+        look(service, service.ready_scene()) as viewer,
+    ):
+        card.drafts = True
+        card.report()
+        until(lambda: makes_drafts(service), "the card is known")
+        viewer.show(1, spp=2)
+        viewer.wait(1, 2)  # the card has rendered the scene
+        viewer.begin_again()
+        for id in range(2, 6):
+            viewer.show(id, spp=8, denoise=True, draft=0.0)
+            has_come = lambda count=id - 1: (viewer.read(0.01), len(viewer.drafts) == count)[1]  # noqa: E731
+            until(has_come, f"view {id} has a draft")
+        assert all(work.is_smooth for work, _ in card.parts if work.draft is not None)
+        until(lambda: (viewer.read(), viewer.states[-1]["denoised"] and viewer.states[-1]["done"])[1], "it is denoised")
+        assert worker.denoised
+        assert {id for id, _ in viewer.pictures if id > 1} == {5}, "only the view that stays is rendered further"
+        assert viewer.is_exact.all() and viewer.samples.min() >= 4, "no noise, and no fewer samples than the draft"
+        viewer.acknowledges = False
+        drafted = lambda: len([work for work, _ in card.parts if work.draft is not None])  # noqa: E731
+        for id in range(6, 12):
+            before = drafted()
+            viewer.show(id, spp=8, denoise=True, draft=0.0)
+            until(lambda before=before: (viewer.read(0.01), drafted() > before)[1], f"view {id} is drafted")
+        viewer.read(0.2)
+        heads = [head for head, _ in viewer.drafts if head.id > 5]
+        assert [head.id for head in heads] == [6, 7], "two are not acknowledged"
+        viewer.say(ack=heads[-1].seq)
+        until(lambda: (viewer.read(0.01), viewer.drafts[-1][0].id == 11)[1], "the latest follows")
+        assert len(viewer.drafts) == 4 + 3
 
 
 @pytest.mark.long

@@ -22,7 +22,7 @@ WHOLE = DraftSize(96, 64, 4)
 CPU_S = 1e-6
 
 
-def show(session: ViewSession, id: int, draft: DraftSize = WHOLE, denoises: bool = False, **settings: Any) -> None:
+def show(session: ViewSession, id: int, draft: DraftSize | None = WHOLE, denoises: bool = False, **settings: Any) -> None:
     """Begins to render view `id`."""
     own = replace(SETTINGS, **settings)
     about = {"samples": 32, "noise": None, "has_alpha": True, "draft_exposure": 0.0, "is_home": True, "upload": "a scene"}
@@ -52,19 +52,19 @@ def add_samples(session: ViewSession, first: int, count: int) -> None:
 
 def test_draft_is_sent_once_and_a_newer_one_replaces_it(session: ViewSession) -> None:
     show(session, 1)
-    assert not session.is_picture_due() and not session.has_picture
+    assert session.take_draft(4) is None and not session.has_picture
     drafted(session)
-    assert session.is_picture_due() and session.has_picture
+    assert session.has_picture
     show(session, 2)
-    packet = session.take_packet(5)
+    packet = session.take_draft(5)
     assert packet is not None
     assert DRAFT.unpack(packet)[:2] == (1, 5), "the draft of the previous view, which was not sent yet"
     drafted(session)
     show(session, 3)
-    packet = drafted(session).take_packet(6)
+    packet = drafted(session).take_draft(6)
     assert packet is not None
     assert (DRAFT.unpack(packet).id, packet[DRAFT.size :]) == (3, b"JPEG")
-    assert session.take_packet(7) is None
+    assert session.take_draft(7) is None
 
 
 def test_pieces_wait_until_the_view_rests(session: ViewSession, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -80,7 +80,7 @@ def test_pieces_wait_until_the_view_rests(session: ViewSession, monkeypatch: pyt
 
 def test_later_pictures_have_no_fewer_samples_than_the_draft(session: ViewSession) -> None:
     show(session, 1)
-    drafted(session).take_packet(1)
+    drafted(session).take_draft(1)
     assert (session.samples, session.mean_samples) == (4, 4)
     assert session.passes is not None and len(session.passes.levels) == 1, "without a small picture"
     for first, count in ((0, 1), (1, 1), (2, 1)):
@@ -94,21 +94,48 @@ def test_later_pictures_have_no_fewer_samples_than_the_draft(session: ViewSessio
 
 def test_first_picture_follows_a_draft_of_reduced_size_at_once(session: ViewSession) -> None:
     show(session, 1, DraftSize(48, 32, 1))
-    drafted(session).take_packet(1)
+    drafted(session).take_draft(1)
     assert session.samples == 0
     add_samples(session, 0, 1)
     assert session.take_packet(2) is not None
 
 
-@pytest.mark.parametrize("about", ({"denoises": True}, {"background": "transparent"}))
-def test_denoised_and_transparent_views_have_no_draft(session: ViewSession, about: dict[str, Any]) -> None:
-    show(session, 1, **about)
+def test_transparent_view_has_no_draft(session: ViewSession) -> None:
+    show(session, 1, background="transparent")
     assert session.draft_size is None and session.piece_wait_s <= 0
+
+
+def test_denoised_view_has_a_draft_and_no_noise_after_it(session: ViewSession) -> None:
+    """The draft stays until a picture with as many samples is denoised; while it has not come, the next view waits."""
+    show(session, 1, denoises=True)
+    session.wanted = session.request
+    assert not session.is_ready_for_next
+    drafted(session).take_draft(1)
+    assert session.is_ready_for_next, "although nothing is denoised"
+    for first in range(3):
+        add_samples(session, first, 1)
+        assert session.begin_denoising() is None and session.take_packet(2) is None
+    add_samples(session, 3, 1)
+    width, height = session.begin_denoising() or (0, 0)
+    assert session.take_packet(2) is None
+    session.end_denoising(bytes(4 * width * height))
+    packet = session.take_packet(2)
+    assert packet is not None and VIEW.unpack(packet).tiles == 1 and session.is_denoised
+
+
+def test_view_that_cannot_be_denoised_shows_its_noise_after_the_draft(session: ViewSession) -> None:
+    show(session, 1, denoises=True)
+    drafted(session).take_draft(1)
+    for first in range(4):
+        add_samples(session, first, 1)
+    session.begin_denoising()
+    session.stop_denoising()
+    assert session.take_packet(2) is not None
 
 
 def test_denoised_picture_is_exact_before_the_view_is_complete(session: ViewSession) -> None:
     """The steps of coarse brightness, 2 %, are blotches where noise does not hide them."""
-    show(session, 1, denoises=True)
+    show(session, 1, None, denoises=True)
     add_samples(session, 0, 1)
     width, height, has_clean_guides = session.begin_denoising() or (0, 0, True)
     assert not has_clean_guides

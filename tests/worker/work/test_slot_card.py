@@ -297,8 +297,9 @@ def test_view_is_declined_while_its_scene_is_loaded_and_then_rendered(worker: An
 def test_draft_of_a_view_is_rendered_as_one_tile_and_sent_as_a_jpeg(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """The colours of the JPEG are those of the draft, red in the lowest byte, and have no more noise than its compression."""
 
-    def drafted(scene: Any, settings: Any, tile: Tile, first: int, count: int, card: Any, exposure: float) -> Any:
-        assert (card.card, tile, first, count, exposure) == (CARDS[1], Tile(0, 0, 160, 130), 0, 4, 0.0)
+    def drafted(scene: Any, settings: Any, tile: Tile, first: int, count: int, card: Any, **more: Any) -> Any:
+        assert (card.card, tile, first, count) == (CARDS[1], Tile(0, 0, 160, 130), 0, 4)
+        assert more == {"exposure": 0.0, "is_smooth": True}
         return words
 
     y, x = np.mgrid[:130, :160].astype(np.uint32)
@@ -307,12 +308,17 @@ def test_draft_of_a_view_is_rendered_as_one_tile_and_sent_as_a_jpeg(worker: Any,
     monkeypatch.setattr(view_card, "render_draft", drafted)
     slot_card._cards[3] = Renderer(CARDS[1])  # type: ignore[assignment]
     slot_card._cards[3].loaded.add("plain")  # type: ignore[union-attr]
-    begun, (kind, more), over = view(worker, monkeypatch, parts=[Part(0, Tile(0, 0, 160, 130), 0, 4)], draft=0.0)
-    assert (begun, kind, over) == (("begun", {}), "draft", ("over", {}))
+    ((kind, more),) = view(worker, monkeypatch, parts=[Part(0, Tile(0, 0, 160, 130), 0, 4)], draft=0.0, is_smooth=True)
+    assert kind == "draft"
     assert more["seconds"] >= 0
     assert worker.speed > 0
     picture = np.asarray(Image.open(io.BytesIO(more["sums"]))).astype(int)
     np.testing.assert_allclose(picture, np.stack([x, y, np.full_like(x, 200)], -1), atol=12)
+    monkeypatch.setattr(view_card, "_ready", {})
+    assert view(worker, monkeypatch, parts=[Part(0, Tile(0, 0, 160, 130), 0, 4)], draft=0.0, is_smooth=True) == [
+        ("declined", {"is_loading": True}),
+        ("over", {}),
+    ]
 
 
 @pytest.mark.parametrize(

@@ -227,6 +227,11 @@ export class Cover {
     return isFirst;
   }
 
+  /** Shows a draft in place of the mesh, if drafts are smoothed: they are of the present camera, and have the scene's own light. */
+  drafted() {
+    if (this.isMeshShown && this.willBeDenoised()) this.release();
+  }
+
   /** Loads the mesh for the next turn of the camera, if the view began with a picture instead. */
   loadMesh() {
     const { scene, mesh } = this;

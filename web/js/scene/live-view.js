@@ -220,6 +220,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       surface.dataset.draft = String(id);
       shownId = id;
       setDenoised(false);
+      cover.drafted();
       sampled();
     },
     picture(found) {

@@ -74,7 +74,7 @@ from renderer.kernel.backends.scalar.first_hit import (
 )
 from renderer.kernel.backends.scalar.light import has_lights
 from renderer.kernel.backends.scalar.tile import add_sample
-from renderer.kernel.draft import draft_word
+from renderer.kernel.draft import draft_word, prepare_pixel, smooth_pixel
 from renderer.kernel.light.lights import choose_sampled
 from renderer.kernel.light_groups import forget_groups
 from renderer.kernel.light_paths import add_sample_by_light
@@ -114,7 +114,7 @@ _LIGHT_BITS = np.uint32(0xFFFFFFFF)
 _STACK = 2 * STACK_DEPTH
 _PLANES = CHANNELS + ALPHA_PLANES
 _SUMS = (_PLANES, 1, 1)
-_ZERO, _INF = np.float32(0.0), np.float32(np.inf)
+_ZERO, _ONE_F32, _INF = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
 _NONE = np.uint32(0)
 _ROOT = np.int32(0)
 _ONE = np.int64(1)
@@ -138,7 +138,10 @@ class Wave(NamedTuple):
     records: Any  # (samples, columns) u32: of each sample of each pixel, as in Output (renderer/kernel/accumulate.py), or no rows
     second: Any  # whether vertices are scattered into their second branches
     draft: Any  # (h, w) u32: the tile's draft (renderer/kernel/draft.py), or no rows
-    draft_scale: Any  # 2**(exposure - film_exponent) of the draft, float32
+    draft_light: Any  # (2, h, w, LIGHT_VALUES) f32: the draft before it is encoded, and a smoothed copy, or no rows
+    draft_guides: Any  # (h, w, GUIDE_VALUES) f32: what guides its smoothing, or no rows
+    draft_gain: Any  # 2**exposure of the draft, float32
+    draft_pass: Any  # number of the pass that `smooth_draft` does; for `encode_draft` that of the passes done, int64
 
 
 @device
@@ -479,13 +482,29 @@ def _add_light_planes(job, path, place, radiance):
 
 
 @subroutine
-def encode_draft(job, thread):
-    """Writes the draft of the film. Threads: pixels of the tile; after all other kernels, and only for a draft."""
-    film, width = job.film, job.draft.shape[1]
+def prepare_draft(job, thread):
+    """Writes light and guides of the film's draft. Threads: pixels of the tile; after the paths, and only for a draft."""
+    width = job.draft.shape[1]
     if thread < len(job.draft) * width:
         y, x = np.uintp(thread // width), np.uintp(thread % width)
-        red, green, blue = film[_RED, y, x], film[_GREEN, y, x], film[_BLUE, y, x]
-        job.draft[y, x] = draft_word(red, green, blue, film[_SAMPLES, y, x], job.draft_scale)
+        prepare_pixel(job.film, job.draft_light, job.draft_guides, y, x, _ONE_F32 / job.options.scale, job.draft_gain)
+
+
+@subroutine
+def smooth_draft(job, thread):
+    """Takes one pass of the draft's filter. Threads: pixels of the tile."""
+    width = job.draft.shape[1]
+    if thread < len(job.draft) * width:
+        smooth_pixel(job.draft_light, job.draft_guides, thread // width, thread % width, job.draft_pass)
+
+
+@subroutine
+def encode_draft(job, thread):
+    """Writes the draft. Threads: pixels of the tile."""
+    width = job.draft.shape[1]
+    if thread < len(job.draft) * width:
+        y, x, half = np.uintp(thread // width), np.uintp(thread % width), job.draft_pass & 1
+        job.draft[y, x] = draft_word(job.film, job.draft_light, half, y, x, _ONE_F32 / job.options.scale)
 
 
 _KERNELS = (
@@ -499,6 +518,8 @@ _KERNELS = (
     choose_lights,
     trace_shadow_rays,
     end_paths,
+    prepare_draft,
+    smooth_draft,
     encode_draft,
 )
 _IN_MEDIA = find_camera_media, sample_free_flights, trace_subsurface
