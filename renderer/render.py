@@ -353,14 +353,23 @@ def render_batch(
 
 
 def render_draft(
-    scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, card: CardRenderer, exposure: float = 0.0
+    scene: CompiledScene,
+    settings: RenderSettings,
+    tile: Tile,
+    first: int,
+    count: int,
+    card: CardRenderer,
+    exposure: float = 0.0,
+    *,
+    variant: str | None = None,
 ) -> npt.NDArray[np.uint32]:
     """Renders samples of a tile with a graphics card, as `render_batch` does; returns their draft (renderer/kernel/draft.py).
 
-    Shape (h, w). exposure: of the draft, in stops. settings: those of `is_for_cards`, without Cryptomatte and deep pixels.
-    Samples that are not finite are left out. Raises CardError if the card fails.
+    Shape (h, w). exposure: of the draft, in stops. variant: of the kernel to use, if not `variant_for`. settings: those of
+    `is_for_cards`, without Cryptomatte and deep pixels. Samples that are not finite are left out. Raises CardError if the card
+    fails.
     """
-    return card.render_draft(*_card_arguments(_prepared(scene, settings), settings, tile, first, count), exposure)
+    return card.render_draft(*_card_arguments(_prepared(scene, settings, variant), settings, tile, first, count), exposure)
 
 
 def render_frame(

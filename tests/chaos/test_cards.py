@@ -29,6 +29,7 @@ from renderer.cuda import verdicts
 from renderer.cuda.cards import cards_from_search, search_command
 from renderer.cuda.verdicts import START_KERNELS
 from renderer.image import rgbe9995
+from renderer.kernel.draft_of_film import draft_of
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
@@ -36,7 +37,6 @@ from renderer.settings import RenderSettings
 from tests.chaos.test_digest import DEPTH, HEIGHT, VIEW, WIDTH, digest_without_farm, submit
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from tests.renderer.cuda.on_host import fake_driver, shared_objects
-from tests.renderer.drafts import draft_of
 from tests.service.viewer import Viewer
 
 pytestmark = pytest.mark.long

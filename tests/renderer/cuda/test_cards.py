@@ -30,12 +30,12 @@ from renderer.cuda.render import CardError, CardRenderer
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES, digest
 from renderer.kernel.draft import DRAFT_STOPS
+from renderer.kernel.draft_of_film import draft_of
 from renderer.render import RenderStats, render_batch, render_draft, render_frame
 from renderer.self_test.compare import judge
 from renderer.settings import RenderSettings, Tile, tiles_of
 from tests.helpers import ROOT
 from tests.renderer.cuda.on_host import fake_driver, shared_object
-from tests.renderer.drafts import draft_of
 from tests.renderer.kernel.backends.features import GROUPS, VIEW, grouped, made
 from tests.renderer.test_spectral import room_by_spectra, room_over_a_catcher
 from worker.work import slot_card
