@@ -34,7 +34,7 @@ from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings
-from tests.chaos.test_digest import VIEW, digest_without_farm, submit
+from tests.chaos.test_digest import VIEW, digest_without_farm, submit, upload
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from tests.renderer.cuda.on_host import fake_driver, shared_objects
 from tests.service.viewer import Viewer
@@ -192,6 +192,7 @@ def test_slot_with_a_card_trains_the_guide_while_the_cores_are_paused(farm: Farm
     build(driver, "plain-guided")
     expected = digest_without_farm(spp, guiding="on")  # and the kernels that train a guide are compiled
     with ExitStack() as ends, farm.client() as client:
+        upload(farm)  # cores that are paused prepare no scene
         join(farm, ends, driver, 8192, "--paired")
         (cores,) = (row.name for row in client.workers() if row.name != "attic-gpu")
         client.call("PATCH", f"/api/workers/{cores}", state="paused")
