@@ -13,7 +13,6 @@ import argparse
 import hashlib
 import json
 import resource
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -26,7 +25,7 @@ from typing import Any
 from renderer import jit
 from renderer.cuda.artefacts import ptx_of
 from renderer.variant_names import kernel_names
-from tests.renderer.cuda.budget import Used, architectures, assembled, over_budget
+from tests.renderer.cuda.budget import Used, architectures, assembled, find_assembler, over_budget
 
 UNFINISHED = 3  # exit code
 
@@ -41,7 +40,7 @@ def main() -> None:
     options = parser.parse_args()
     if unknown := [name for name in options.kernels if name not in kernel_names()]:
         parser.error(f"there is no kernel {', '.join(unknown)}")
-    assembler = shutil.which("ptxas") or sys.exit("There is no ptxas (pip install nvidia-cuda-nvcc).")
+    assembler = find_assembler() or sys.exit("There is no ptxas (pip install nvidia-cuda-nvcc).")
     wanted = options.kernels or kernel_names()
     if options.once:
         measure(wanted[0], assembler, options.state)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
+import shutil
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,7 +12,7 @@ from typing import NamedTuple
 
 from renderer.variant_names import suffixes_of
 
-__all__ = ["Used", "architectures", "assembled", "over_budget"]
+__all__ = ["Used", "architectures", "assembled", "find_assembler", "over_budget"]
 
 
 class Used(NamedTuple):
@@ -40,6 +42,15 @@ OTHERS = Used(256, 64, 255)
 _MEASURED = re.compile(
     r"Function properties for (\w+)\n\s+(\d+) bytes stack frame, (\d+) bytes spill stores.*\n.*Used (\d+) registers"
 )
+
+
+def find_assembler() -> str | None:
+    """Returns the path of ptxas: of that on the PATH, or in the wheel nvidia-cuda-nvcc; None if there is neither."""
+    if (found := shutil.which("ptxas")) is not None:
+        return found
+    package = importlib.util.find_spec("nvidia")
+    folders = [] if package is None else package.submodule_search_locations or []
+    return next((str(path) for folder in folders for path in sorted(Path(folder).glob("*/bin/ptxas"))), None)
 
 
 def architectures(assembler: str) -> tuple[str, str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import re
-import shutil
+import sys
 from pathlib import Path
 
 import llvmlite.binding as llvm
@@ -16,7 +17,7 @@ from renderer.kernel.backends.cuda.target import CAPABILITY, PTX_VERSION
 from renderer.kernel.backends.cuda.wavefront import kernels_of
 from renderer.variant_names import base_variant, example_of, has_caustics, kernel_names, suffixes_of, variant_suffix
 from tests.grids import grid
-from tests.renderer.cuda.budget import architectures, assembled, over_budget
+from tests.renderer.cuda.budget import architectures, assembled, find_assembler, over_budget
 from tests.renderer.cuda.on_host import card_module as module_of
 
 # The most that settings can add to a variant: sets of suffixes that no other contains.
@@ -123,10 +124,21 @@ def test_variant_ptx_has_all_kernels(variant: str) -> None:
     assert all(instruction in ptx for instruction in OF_WARP)
 
 
+def test_assembler_of_the_wheel_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(sys, "path", [str(tmp_path)])
+    assert find_assembler() is None
+    program = tmp_path / "nvidia" / "cu13" / "bin" / "ptxas"
+    program.parent.mkdir(parents=True)
+    program.touch()
+    importlib.invalidate_caches()
+    assert find_assembler() == str(program)
+
+
 @pytest.mark.long  # takes a minute for each variant
 @pytest.mark.parametrize("variant", ASSEMBLED)
 def test_registers_and_spills_stay_within_their_budget(variant: str, tmp_path: Path) -> None:
-    assembler = shutil.which("ptxas") or pytest.skip("There is no ptxas (pip install nvidia-cuda-nvcc).")
+    assembler = find_assembler() or pytest.skip("There is no ptxas (pip install nvidia-cuda-nvcc).")
     path = tmp_path / "kernel.ptx"
     path.write_text(emit_ptx(module_of(variant).clone()))
     for architecture in architectures(assembler):
