@@ -357,6 +357,17 @@ def test_device_picture_equals_the_cpu_picture(as_device: None, with_cards: pyte
     assert np.array_equal(last["color"], of_cpu["color"])
 
 
+def test_processor_renders_a_scene_larger_than_the_device_memory(
+    as_device: None, with_cards: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with_cards.setenv("FAKE_CUDA_CARDS", "RTX Test:8:6:0")
+    with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object("plain", tmp_path)))
+    wanted = {"scene": ROOT / "scenes" / "cornell-box.yaml", "width": 12, "height": 9, "spp": 2, "max_depth": 4}
+    with pytest.warns(UserWarning, match=r"card 0 \(RTX Test\) has too little memory, .*; the processor renders it"):
+        found = rayfarm.render(**wanted, device="cuda")
+    assert np.array_equal(found["color"], rayfarm.render(**wanted)["color"])
+
+
 @pytest.mark.parametrize("device", ("cuda:0", "cuda:7"))
 def test_missing_device_error_lists_available_devices(device: str, as_device: None, with_cards: pytest.MonkeyPatch) -> None:
     with_cards.setenv("FAKE_CUDA_CARDS", f"{OLD},{NEW}")
