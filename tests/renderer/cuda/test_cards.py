@@ -272,7 +272,8 @@ def test_card_frame_by_light_equals_the_cpu_one_until_it_stops(
     card.close()
 
 
-@pytest.mark.long  # builds the kernels of a variant, a minute each
+@pytest.mark.long  # builds the kernels of a variant for card and processor: two minutes of a core each,
+@pytest.mark.timeout(1800)  # and a quarter of an hour on a machine with twenty other processes for each core
 @pytest.mark.parametrize(
     ("kernel", "names"),
     (
