@@ -41,7 +41,7 @@ FOR_TESTS = ("test",)
 FOR_BENCHMARKS = ("docs", "test")
 TEST_PROCESSES = 7  # one for each of the parts in tests/parts.py; many tests mostly wait
 # Scripts that make the pictures of docs/, and their requirements.
-HOURS_LONG = ("hard", "peers")  # benchmarks
+HOURS_LONG = ("hard", "kernels", "peers")  # benchmarks
 PICTURES = {"sheets": ("scenes", ()), "film": ("scenes", ()), "page-pictures": ("docs", FOR_TESTS)}
 TYPESCRIPT = VENV / "typescript"
 CYCLES = ROOT / ".venv-cycles"
@@ -440,7 +440,9 @@ def run_benchmarks(arguments):
         fail("There is no benchmark " + ", ".join(unknown) + "; known are " + ", ".join(known) + ".")
     if options and not wanted:
         print(
-            "python3 farm.py bench [name ...] [its options]; each tells its own by --help. Without a name: all but hard, peers.\n"
+            "python3 farm.py bench [name ...] [its options]; each tells its own by --help. Without a name: all but "
+            + ", ".join(HOURS_LONG)
+            + ".\n"
         )
         width = max(map(len, known)) + 2
         for name, path in known.items():

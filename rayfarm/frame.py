@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from rayfarm import options
 from rayfarm.console import err
+from rayfarm.graphics_card import on_card_or_cores
 from rayfarm.output_files import write
 from rayfarm.picture import Picture
 from rayfarm.rendering import Clock, Show, part_of_frame, whole_frame
@@ -123,15 +124,20 @@ def render_to(
     from renderer.render import RenderStats
     from renderer.temporal_denoise import DenoisedFrame
 
-    picture, done = order.picture, RenderStats()
+    picture = order.picture
     groups = settings.light_planes
     asked = aovs.parse_names(order.planes, groups, settings.cryptomatte, settings.is_transparent)  # refused before rendering
     count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
-    if order.tile is None and order.first == 0:
-        sums = whole_frame(compiled, settings, count, order.threads, picture.noise, picture.time_limit, done, show, order.card)
-    else:
+
+    def render(card: CardRenderer | None) -> tuple[Sums, RenderStats]:
+        done = RenderStats()
+        if order.tile is None and order.first == 0:
+            limits = picture.noise, picture.time_limit
+            return whole_frame(compiled, settings, count, order.threads, *limits, done, show, card), done
         tile = order.tile or Tile(0, 0, settings.width, settings.height)
-        sums = part_of_frame(compiled, settings, tile, order.first, count, done, order.card)
+        return part_of_frame(compiled, settings, tile, order.first, count, done, card), done
+
+    sums, done = on_card_or_cores(order.card, render, _print_note)
     clock.end_step("render_s")
     names = [name for name in asked if name not in (aovs.MOTION, aovs.ALPHA)]
     planes = {name: aovs.values(sums, settings.film_exponent, name, groups) for name in names if not aovs.is_matte(name)}
@@ -204,6 +210,10 @@ def moment_options(moment: Moment) -> str:
     words += [f"--fps={moment.fps!r}"] if moment.fps is not None else []
     words += [f"--clip={shlex.quote(moment.clip)}"] if moment.clip is not None else []
     return "".join(f" {word}" for word in words)
+
+
+def _print_note(sentence: str) -> None:
+    err.print(f"note: {sentence}", markup=False, soft_wrap=True)
 
 
 def camera_options(order: PictureOrder, settings: RenderSettings) -> str:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -17,7 +17,9 @@ from renderer.errors import MachineError, SettingsError
 if TYPE_CHECKING:
     from renderer.cuda.render import CardRenderer
 
-__all__ = ["WorkerCards", "check_device", "device_card", "open_card", "slot_count"]
+__all__ = ["WorkerCards", "check_device", "device_card", "on_card_or_cores", "open_card", "slot_count"]
+
+T = TypeVar("T")
 
 WorkerCards = Annotated[
     str,
@@ -71,6 +73,22 @@ def device_card(device: str) -> Iterator[CardRenderer | None]:
     finally:
         with contextlib.suppress(DriverError):  # after a failure the driver refuses this too; the failure itself is raised
             renderer.close()
+
+
+def on_card_or_cores(card: CardRenderer | None, render: Callable[[CardRenderer | None], T], note: Callable[[str], None]) -> T:
+    """Returns what `render` makes with a card, if given; if its memory is too small for the scene, with the cores.
+
+    The bits are the same. note: called with a sentence if the cores take its place.
+    """
+    if card is None:
+        return render(None)
+    from renderer.cuda.render import CardMemoryError
+
+    try:
+        return render(card)
+    except CardMemoryError as error:
+        note(f"{error}; the processor renders it")
+        return render(None)
 
 
 def slot_count(gpu: str, cpu_slots: int) -> int:

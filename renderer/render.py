@@ -362,13 +362,16 @@ def render_draft(
     exposure: float = 0.0,
     *,
     is_smooth: bool = False,
+    variant: str | None = None,
 ) -> npt.NDArray[np.uint32]:
     """Renders samples of a tile with a graphics card, as `render_batch` does; returns their draft (renderer/kernel/draft.py).
 
-    Shape (h, w). exposure: of the draft, in stops. is_smooth: whether it is smoothed. settings: those of `is_for_cards`, without
-    Cryptomatte and deep pixels. Samples that are not finite are left out. Raises CardError if the card fails.
+    Shape (h, w). exposure: of the draft, in stops. is_smooth: whether it is smoothed. variant: of the kernel to use, if not
+    `variant_for`. settings: those of `is_for_cards`, without Cryptomatte and deep pixels. Samples that are not finite are left
+    out. Raises CardError if the card fails.
     """
-    return card.render_draft(*_card_arguments(_prepared(scene, settings), settings, tile, first, count), exposure, is_smooth)
+    arguments = _card_arguments(_prepared(scene, settings, variant), settings, tile, first, count)
+    return card.render_draft(*arguments, exposure, is_smooth)
 
 
 def render_frame(

@@ -39,9 +39,11 @@ def rendered_here(
     request: Request, stage: ConfinedScene, settings: Callable[[dict[str, Any]], Any], numbers: Sequence[int]
 ) -> Generator[RenderedView]:
     """Yields the pictures of the views `numbers`, rendered in this process. settings: as for Annotator."""
+    import warnings
     from dataclasses import replace
+    from functools import partial
 
-    from rayfarm.graphics_card import device_card
+    from rayfarm.graphics_card import device_card, on_card_or_cores
     from rayfarm.rendering import Clock, load_kernels, whole_frame
     from renderer.film import alpha, digest, mean
     from renderer.image import encode
@@ -60,7 +62,8 @@ def rendered_here(
                 is_loaded = True
             count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
             limits = picture.noise, picture.time_limit, RenderStats()
-            sums = whole_frame(compiled, wanted, count, threads, *limits, lambda done, total: None, card)
+            render = partial(whole_frame, compiled, wanted, count, threads, *limits, lambda done, total: None)
+            sums = on_card_or_cores(card, render, warnings.warn)
             exponent, groups = wanted.film_exponent, len(wanted.light_planes)
             coverage = alpha(sums, exponent, groups) if wanted.is_transparent else None
             data = encode.encode(mean(sums, exponent), request.picture_format, alpha=coverage)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from rayfarm import options
 from rayfarm.frame import PictureOrder, motion_of
-from rayfarm.graphics_card import device_card
+from rayfarm.graphics_card import device_card, on_card_or_cores
 from rayfarm.library.arguments import RenderArguments
 from rayfarm.library.image import F32, Image
 from rayfarm.reading import open_stage
@@ -21,6 +21,7 @@ from renderer import aovs
 from renderer.work import most_samples
 
 if TYPE_CHECKING:
+    from renderer.cuda.render import CardRenderer
     from renderer.film import Sums
     from renderer.scene.compiled import CompiledScene
     from renderer.settings import RenderSettings
@@ -66,8 +67,12 @@ def passes(scene: Path, arguments: RenderArguments, at_once: bool) -> Generator[
             return picture.noise is not None and noise_of(sums, settings.film_exponent) <= picture.noise
 
         def frame(stop: Callable[[Sums], bool] | None) -> Sums:
-            limit = picture.time_limit
-            return render_frame(compiled, settings, count, arguments.threads, stop=stop, time_limit=limit, card=card)
+            limit, threads = picture.time_limit, arguments.threads
+
+            def render_on(card: CardRenderer | None) -> Sums:
+                return render_frame(compiled, settings, count, threads, stop=stop, time_limit=limit, card=card)
+
+            return on_card_or_cores(card, render_on, warnings.warn)
 
         if at_once:
             sums = frame(None if picture.noise is None else quiet_enough)

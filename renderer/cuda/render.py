@@ -59,11 +59,14 @@ class CardRenderer:
     """Renders batches on a graphics card; keeps the loaded kernels, and the arrays of the last scene, in its memory.
 
     Used by one thread at a time; must be closed. seconds: for measurements: each launch is waited for, and its time is added
-    to its kernel's.
+    to its kernel's. most_paths: for measurements: of a batch under way at once.
     """
 
-    def __init__(self, card: Card, library: str = LIBRARY, seconds: dict[str, float] | None = None) -> None:
+    def __init__(
+        self, card: Card, library: str = LIBRARY, seconds: dict[str, float] | None = None, most_paths: int | None = None
+    ) -> None:
         self.card = card
+        self._most_paths = most_paths
         self._seconds = seconds
         self._device = Device(Driver(library), card.number)
         self._kernels: dict[str, tuple[dict[str, Kernel], int]] = {}  # of a variant: its kernels by name, and their wave's size
@@ -187,7 +190,7 @@ class CardRenderer:
         self, scene: CompiledScene, options: Options, batch: Batch, width: int, height: int, **more: Any
     ) -> tuple[int, Wave]:
         """Returns the rows for first branches of a batch's paths, and its Wave. more: as for `wave_for`."""
-        paths = paths_for(width * height * batch.count, self.card.memory, bytes_per_path(scene, options))
+        paths = paths_for(width * height * batch.count, self.card.memory, bytes_per_path(scene, options), self._most_paths)
         scene = scene._replace(bvh=self._compressed(scene.bvh))
         return paths, wave_for(scene, options=options, batch=batch, width=width, height=height, paths=paths, **more)
 

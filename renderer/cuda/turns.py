@@ -16,12 +16,12 @@ _SHARE = 4  # of a card's memory, one part is for paths
 _UNCHECKED = 4  # turns from one look at the number of active paths to the next, for which the card has to stop
 
 
-def paths_for(samples: int, memory: int, size: int) -> int:
+def paths_for(samples: int, memory: int, size: int, most: int | None = None) -> int:
     """Returns how many paths a batch of that many samples has under way, and one, which is the spare row's.
 
-    memory: of the card. size: bytes for a path.
+    memory: of the card. size: bytes for a path. most: the most paths, for measurements.
     """
-    paths = min(_MOST_PATHS, samples, memory // _SHARE // size)
+    paths = min(most or _MOST_PATHS, samples, memory // _SHARE // size)
     return -(-(paths + 1) // _WARP) * _WARP
 
 

@@ -183,10 +183,13 @@ def measure_page(farm: Farm, scene: str, options: argparse.Namespace, parts: dic
         if options.noisy:
             context.add_init_script("localStorage['rayfarm-view-denoise'] = 'off'")
         page = context.new_page()
+        page.set_default_timeout(120_000)  # it draws without a graphics card
         page.goto(f"{farm.url}/#/scenes/{scene}")
-        page.get_by_label("Width", exact=True).fill(str(width))
-        page.get_by_label("Height", exact=True).fill(str(height))
-        page.wait_for_selector(".live-view[data-view]", timeout=120_000)
+        page.get_by_role("radiogroup", name="Size").get_by_text("Custom").click()
+        page.get_by_label("Keep the aspect").uncheck()
+        page.get_by_role("spinbutton", name="Width", exact=True).fill(str(width))
+        page.get_by_role("spinbutton", name="Height", exact=True).fill(str(height))
+        page.wait_for_selector(".live-view[data-view]")
         box: Any = page.locator(".live-view").bounding_box()
         x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         page.mouse.move(x, y)

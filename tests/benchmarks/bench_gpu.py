@@ -12,6 +12,8 @@ continue. The results are in a file of --state; to continue elsewhere, copy that
     features  the same by wavelength, with a path guide, by light group and by light path
     cores     the CPU's, on all cores
     mitsuba   those of Mitsuba's cuda_ad_rgb on the same card, if it is installed
+    error     the noise of 512x512x64 of both, with the default splitting and with multijitter, Mitsuba's best sampler
+    paths     the card's with 1, 2 and 4 million paths under way
     live      pictures per second of a live view at 1920x1080 with 4 samples, rendered and packed
     denoise   Open Image Denoise at 1920x1080, on the CPU and on the card
     profile   milliseconds of each stage of a path; and hardware counters, if Nsight Compute (ncu) is installed
@@ -23,6 +25,7 @@ process ended is not tried again without --again; one whose library is missing i
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import os
@@ -49,18 +52,19 @@ from renderer.cuda.cards import NOT_YET_TRIED, described, find_cards
 from renderer.cuda.driver import LIBRARY, Card
 from renderer.cuda.render import CardRenderer
 from renderer.cuda.verdicts import run_self_test
-from renderer.film import COLOR, SAMPLES, digest
+from renderer.film import COLOR, SAMPLES, Sums, digest, mean
 from renderer.render import kernel_name, render_batch, render_frame, variant_for, warm_up
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import CompiledScene
 from renderer.settings import RenderSettings, Tile
 from renderer.threads import cores
 from renderer.variant_names import base_variant, example_of
+from tests.benchmarks.peers.measure import relative_error
 from tests.benchmarks.peers.scenes import CASES, Case
 from tests.benchmarks.peers.sizes import FULL, QUICK, Sizes
 
 ROOT = Path(__file__).resolve().parents[2]
-STAGES = ("build", "load", "bits", "speed", "features", "cores", "mitsuba", "live", "denoise", "profile")
+STAGES = ("build", "load", "bits", "speed", "features", "cores", "mitsuba", "error", "paths", "live", "denoise", "profile")
 # Kernels with what settings add: for the self-test, and for the stage `features`.
 WITH_SETTINGS = (
     *("full-spectral", "media-spectral", "full-guided", "full-paths-groups", "full-caustics", "media-caustics"),
@@ -71,6 +75,8 @@ COMPARED, COMPARED_SPP = 256, 16  # width in pixels and samples of the films tha
 TIMED = ((512, 512, 64), (512, 512, 256), (1920, 1080, 64))
 CPU_SIZE = (512, 512, 16)
 QUICK_TIMED = ((64, 64, 4),)
+SEEDS = 4  # pictures from which the noise is estimated
+MOST_PATHS = (1 << 20, 1 << 21, 1 << 22)
 LIVE, QUICK_LIVE, LIVE_SPP, LIVE_SIDE = (1920, 1080), (96, 54), 4, 256
 UNFINISHED = 3  # exit code
 MISSING = 4  # exit code of a process that lacks a library
@@ -210,6 +216,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--once", metavar="SCENE", help="one small render, for a profiler")
     parser.add_argument("--job", help=argparse.SUPPRESS)
     parser.add_argument("--mitsuba", metavar="WxHxSPP", help=argparse.SUPPRESS)
+    parser.add_argument("--error", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     options.scenes = options.once or options.scenes
     options.state = options.state / ("quick" if options.quick else "full")
@@ -332,7 +339,14 @@ def _steps(options: argparse.Namespace, sizes: Sizes, card: Card) -> Iterator[St
         elif stage == "mitsuba":
             for size in timed:
                 for name in names:
-                    yield _label(name, size), partial(_mitsuba_speed, name, size, options.quick)
+                    yield _label(name, size), partial(_mitsuba_process, name, size, options.quick)
+        elif stage == "error":
+            for name in names:
+                yield f"{name}, card", partial(_error_of_card, made, renderer, name, timed[0])
+                yield f"{name}, Mitsuba", partial(_mitsuba_process, name, timed[0], options.quick, "--error")
+        elif stage == "paths":
+            for name, most in itertools.product(names, MOST_PATHS):
+                yield f"{name}, {most >> 20} M", partial(_speed_with, made, card, options.library, name, timed[-1], most)
         elif stage == "live":
             yield names[0], partial(_live_rate, made, renderer, names[0], QUICK_LIVE if options.quick else LIVE)
         elif stage == "denoise":
@@ -381,6 +395,38 @@ def _compare(made: Made, renderer: Callable[[], CardRenderer], name: str, quick:
 def _speed(made: Made, renderer: Callable[[], CardRenderer] | None, name: str, size: tuple[int, int, int]) -> dict[str, float]:
     case, scene = made(name)
     return _timed(scene, _settings(case, *size[:2]), size, renderer)
+
+
+def _speed_with(made: Made, card: Card, library: str, name: str, size: tuple[int, int, int], most: int) -> dict[str, float]:
+    """Returns the speed with at most `most` paths under way."""
+    case, scene = made(name)
+    renderer = CardRenderer(card, library, most_paths=most)
+    found = _timed(scene, _settings(case, *size[:2]), size, lambda: renderer)
+    renderer.close()
+    return found
+
+
+def _error_of_card(made: Made, renderer: Callable[[], CardRenderer], name: str, size: tuple[int, int, int]) -> dict[str, float]:
+    case, scene = made(name)
+    settings = replace(case.settings(size[0]), height=size[1])
+
+    def render(seed: int) -> Sums:
+        return render_frame(scene, replace(settings, seed=seed), size[2], card=renderer())
+
+    return _error(render, lambda sums: mean(sums, settings.film_exponent))
+
+
+def _error(render: Callable[[int], Any], picture: Callable[[Any], np.ndarray]) -> dict[str, float]:
+    """Returns the relative squared error of a picture without its bias, from pictures with other seeds, and its seconds."""
+    pictures, seconds = [], []
+    for seed in range(SEEDS + 1):
+        begin = time.perf_counter()
+        made = render(seed)
+        seconds.append(time.perf_counter() - begin)
+        pictures.append(picture(made))
+    truth = np.mean(pictures[1:], 0)
+    errors = [relative_error(each, truth) * SEEDS / (SEEDS - 1) for each in pictures[1:]]
+    return {"error": float(np.mean(errors)), "seconds": min(seconds[1:])}
 
 
 def _feature_speed(
@@ -500,15 +546,15 @@ def _in_process(command: list[str], **variables: str) -> str:
 # --- Mitsuba ------------------------------------------------------------------------------------------------------------------
 
 
-def _mitsuba_speed(name: str, size: tuple[int, int, int], quick: bool) -> dict[str, float]:
-    """Returns the speed of Mitsuba's cuda_ad_rgb, in a process of its own."""
-    command = [sys.executable, "-m", "tests.benchmarks.bench_gpu", "--mitsuba", "x".join(map(str, size)), "--scenes", name]
+def _mitsuba_process(name: str, size: tuple[int, int, int], quick: bool, *more: str) -> dict[str, float]:
+    """Returns the speed of Mitsuba's cuda_ad_rgb, or with --error its error, in a process of its own."""
+    command = [sys.executable, "-m", "tests.benchmarks.bench_gpu", "--mitsuba", "x".join(map(str, size)), "--scenes", name, *more]
     out = _in_process([*command, *(["--quick"] if quick else [])])
     return dict(json.loads(out.splitlines()[-1]))
 
 
 def _mitsuba(options: argparse.Namespace, sizes: Sizes) -> int:
-    """Prints Mitsuba's speed as JSON."""
+    """Prints Mitsuba's speed or error as JSON."""
     try:
         import mitsuba as mi
 
@@ -519,17 +565,19 @@ def _mitsuba(options: argparse.Namespace, sizes: Sizes) -> int:
         return MISSING
     width, height, spp = map(int, options.mitsuba.split("x"))
     (name,) = _names(options)
-    scene = mitsuba_scene(mi, CASES[name](sizes), width, height)
+    scene = mitsuba_scene(mi, CASES[name](sizes), width, height, "multijitter" if options.error else "independent")
 
-    def picture(seed: int) -> None:
-        drjit.eval(mi.render(scene, spp=spp, seed=seed))
+    def picture(seed: int) -> Any:
+        made = mi.render(scene, spp=spp, seed=seed)
+        drjit.eval(made)
         drjit.sync_thread()
+        return made
 
-    print(json.dumps(_best(picture, width * height * spp)))
+    print(json.dumps(_error(picture, np.array) if options.error else _best(picture, width * height * spp)))
     return 0
 
 
-def mitsuba_scene(mi: Any, case: Case, width: int, height: int) -> Any:
+def mitsuba_scene(mi: Any, case: Case, width: int, height: int, sampler: str = "independent") -> Any:
     """Returns a case's scene in Mitsuba, for pictures of width x height pixels. mi: the module, with a variant set."""
     from tests.peers.mitsuba_scene import mitsuba_dict
 
@@ -537,6 +585,7 @@ def mitsuba_scene(mi: Any, case: Case, width: int, height: int) -> Any:
         made = mitsuba_dict(mi, case.twin or case.description, _settings(case, width, height), Path(folder))
         if case.theirs is not None:
             case.theirs(mi, made)
+        made["sensor"]["sampler"] = {"type": sampler}
         return mi.load_dict(made)
 
 
@@ -558,10 +607,25 @@ def _print_table(results: Results) -> None:
         print(f"{label:<44}" + "".join(_cell(value, width) for value, width in zip(row, (9, 9, 7, 8, 7, 10), strict=True)))
     means = [float(np.exp(np.mean(np.log(each)))) if each else None for each in (to_mitsuba, to_cores)]
     print(f"{'geometric mean':<62}{_cell(means[0], 7)}{_cell(means[1], 15)}")
-    for stage in ("features", "live", "denoise", "profile"):
+    _print_errors(results.of("error"))
+    for stage in ("features", "paths", "live", "denoise", "profile"):
         for name, value in results.of(stage).items():
             print(f"{stage}: {name}: {value if isinstance(value, str) else ', '.join(f'{k} {v}' for k, v in value.items())}")
     print()
+
+
+def _print_errors(found: dict[str, Any]) -> None:
+    """Prints how many times Mitsuba's squared error is ours: with as many samples, and in the same time."""
+    ratios = []
+    for name in CASES:
+        ours, theirs = found.get(f"{name}, card"), found.get(f"{name}, Mitsuba")
+        if ours and theirs:
+            samples = theirs["error"] / ours["error"]
+            ratios.append((samples, samples * theirs["seconds"] / ours["seconds"]))
+            print(f"{f'error: {name}':<44}{ratios[-1][0]:>9.2f} for as many samples,{ratios[-1][1]:>7.2f} in the same time")
+    if ratios:
+        of_samples, in_time = np.exp(np.log(ratios).mean(0))
+        print(f"{'error: geometric mean':<44}{of_samples:>9.2f} for as many samples,{in_time:>7.2f} in the same time")
 
 
 def _cell(value: float | None, width: int) -> str:

@@ -16,11 +16,11 @@ import numpy as np
 
 from renderer.cuda.driver import Card
 from renderer.film import CHANNELS, COLOR, SAMPLES, BatchSums
+from renderer.kernel.draft_of_film import draft_of
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings, Tile
-from tests.renderer.drafts import draft_of
 from worker import __main__ as program
 from worker.work import slot_card, view_card
 

@@ -8,10 +8,11 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.benchmarks import bench_gpu
-from tests.benchmarks.bench_gpu import MissingError, Results, Step, _print_table, _run_jobs
+from tests.benchmarks.bench_gpu import MissingError, Results, Step, _error, _print_table, _run_jobs
 
 
 def raising(error: BaseException) -> Any:
@@ -77,6 +78,9 @@ def test_table_has_ratios_and_their_means(tmp_path: Path, capsys: pytest.Capture
         "mitsuba: box, 512x512x256": {"rate": 80.0, "first": 2.0},
         "cores: box, 512x512x16": {"rate": 10.0, "first": 1.0},
         "profile: box": {"trace_rays": 3.5, "end_paths": 1.5},
+        "error: Cornell box, card": {"error": 0.01, "seconds": 2.0},
+        "error: Cornell box, Mitsuba": {"error": 0.02, "seconds": 3.0},
+        "error: textured mesh, card": {"error": 0.01, "seconds": 1.0},
     }
     lines = [json.dumps({"step": step, "value": value}) for step, value in entries.items()]
     (tmp_path / "results.jsonl").write_text("\n".join(lines) + "\n")
@@ -85,4 +89,29 @@ def test_table_has_ratios_and_their_means(tmp_path: Path, capsys: pytest.Capture
     assert said[1][-6:] == ["300.00", "200.00", "1.50", "10.00", "30.00", "4.00"]
     assert said[2][-6:] == ["480.00", "80.00", "6.00", "10.00", "48.00", "1.00"]
     assert said[3] == ["geometric", "mean", "3.00", "37.95"]
-    assert said[4] == ["profile:", "box:", "trace_rays", "3.5,", "end_paths", "1.5"]
+    assert " ".join(said[4]) == "error: Cornell box 2.00 for as many samples, 3.00 in the same time"
+    assert said[5] == [
+        "error:",
+        "geometric",
+        "mean",
+        "2.00",
+        "for",
+        "as",
+        "many",
+        "samples,",
+        "3.00",
+        "in",
+        "the",
+        "same",
+        "time",
+    ]
+    assert said[6] == ["profile:", "box:", "trace_rays", "3.5,", "end_paths", "1.5"]
+
+
+def test_error_is_the_relative_variance_of_pictures() -> None:
+    def render(seed: int) -> np.ndarray:
+        return 2 + 0.1 * np.random.default_rng(seed).standard_normal((200, 200, 3))
+
+    found = _error(render, lambda picture: picture)
+    assert found["error"] == pytest.approx(0.01 / 4, rel=0.03)
+    assert found["seconds"] > 0

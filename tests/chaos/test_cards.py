@@ -29,20 +29,20 @@ from renderer.cuda import verdicts
 from renderer.cuda.cards import cards_from_search, search_command
 from renderer.cuda.verdicts import START_KERNELS
 from renderer.image import rgbe9995
+from renderer.kernel.draft_of_film import draft_of
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings
-from tests.chaos.test_digest import DEPTH, HEIGHT, VIEW, WIDTH, digest_without_farm, submit
+from tests.chaos.test_digest import VIEW, digest_without_farm, submit, upload
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from tests.renderer.cuda.on_host import fake_driver, shared_objects
-from tests.renderer.drafts import draft_of
 from tests.service.viewer import Viewer
 
-pytestmark = pytest.mark.long
+# The first test that needs a kernel builds it for the card and for the CPU, minutes of a core.
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1200)]
 
 SPP = 320
-MORE_KERNELS = "plain-paths", "plain-guided"
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +50,16 @@ def driver(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Returns environment variables with which a process finds the test's simulated graphics card, which passes the self-test."""
     folder = tmp_path_factory.mktemp("driver")
     fake_driver(folder)
-    kernels = shared_objects((*START_KERNELS, *MORE_KERNELS), folder / "kernels")
-    variables = {"LD_LIBRARY_PATH": str(folder), "FAKE_CUDA_KERNEL": str(kernels)}
-    test = [sys.executable, "-m", "renderer.self_test", *START_KERNELS, *MORE_KERNELS]
-    subprocess.run(test, cwd=ROOT, env={**os.environ, **variables, "FAKE_CUDA_CARDS": "RTX Test:8:6:8192"}, check=True)
+    variables = {"LD_LIBRARY_PATH": str(folder), "FAKE_CUDA_KERNEL": str(folder / "kernels")}
+    build(variables, *START_KERNELS)
     return variables
+
+
+def build(driver: dict[str, str], *kernels: str) -> None:
+    """Builds kernels for the simulated card, which then passes its self-test with them."""
+    shared_objects(kernels, Path(driver["FAKE_CUDA_KERNEL"]))
+    environment = {**os.environ, **driver, "FAKE_CUDA_CARDS": "RTX Test:8:6:8192"}
+    subprocess.run([sys.executable, "-m", "renderer.self_test", *kernels], cwd=ROOT, env=environment, check=True)
 
 
 @pytest.fixture(scope="module")
@@ -173,24 +178,27 @@ def test_farm_leaves_out_a_card_that_computes_other_bits(tmp_path: Path, inexact
 
 
 def test_light_paths_of_cores_and_a_card_have_the_digest_of_the_cores(farm: Farm, driver: dict[str, str]) -> None:
+    build(driver, "plain-paths")
+    expected = digest_without_farm(SPP, light_paths="on")
     with ExitStack() as ends:
         join(farm, ends, driver, 8192, "--paired")
-        log = finish(farm, submit(farm, SPP, tile_size=16, light_paths="on"), digest_without_farm(SPP, light_paths="on"))
+        log = finish(farm, submit(farm, SPP, tile_size=16, light_paths="on"), expected)
     assert "attic-gpu: " in log, log
     assert "the processor does" not in log, log
 
 
 def test_slot_with_a_card_trains_the_guide_while_the_cores_are_paused(farm: Farm, driver: dict[str, str]) -> None:
+    spp = SPP // 5
+    build(driver, "plain-guided")
+    expected = digest_without_farm(spp, guiding="on")  # and the kernels that train a guide are compiled
     with ExitStack() as ends, farm.client() as client:
+        upload(farm)  # cores that are paused prepare no scene
         join(farm, ends, driver, 8192, "--paired")
-        scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id)
         (cores,) = (row.name for row in client.workers() if row.name != "attic-gpu")
         client.call("PATCH", f"/api/workers/{cores}", state="paused")
         paused = lambda: {row.name: row.state for row in client.workers()}[cores] == "paused"  # noqa: E731
         wait_until(paused, 30, "the cores are paused")
-        view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
-        job = client.submit(scene.id, view=view, width=WIDTH, height=HEIGHT, spp=SPP, max_depth=DEPTH, guiding="on").id
-        log = finish(farm, job, digest_without_farm(SPP, guiding="on"))
+        log = finish(farm, submit(farm, spp, guiding="on"), expected)
     assert "attic-gpu: " in log, log
 
 

@@ -43,11 +43,17 @@ def soon() -> str:
     return digest_without_farm(SPP // 5)
 
 
-def submit(farm: Farm, spp: int = SPP, **more: Any) -> str:
+def upload(farm: Farm) -> str:
+    """Returns the id of the Cornell box, ready."""
     with farm.client() as client:
-        scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id)
+        return client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id, timeout_s=240).id
+
+
+def submit(farm: Farm, spp: int = SPP, **more: Any) -> str:
+    scene = upload(farm)
+    with farm.client() as client:
         view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
-        job = client.submit(scene.id, view=view, width=WIDTH, height=HEIGHT, spp=spp, max_depth=DEPTH, **more)
+        job = client.submit(scene, view=view, width=WIDTH, height=HEIGHT, spp=spp, max_depth=DEPTH, **more)
         return str(job.id)
 
 

@@ -3,7 +3,7 @@
    in a folder of that name it is the file LENGTH.so, by the length of the module's PTX.
    $FAKE_CUDA_CARDS: a card each, NAME:MAJOR:MINOR:MEGABYTES, separated by commas. $FAKE_CUDA_VERSION: such as 12010.
    $FAKE_CUDA_UUID: a number that is added to the identity of each card.
-   $FAKE_CUDA_FAULT: abort:NAME, fail:NAME or hang:NAME, which the launch of kernel NAME does. */
+   $FAKE_CUDA_FAULT: abort:NAME, fail:NAME, hang:NAME or skip:NAME, which the launch of kernel NAME does. */
 #include <dlfcn.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -155,6 +155,7 @@ int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz, unsign
     const char *fault = getenv("FAKE_CUDA_FAULT");
     if (*fault == 'a') abort();
     if (*fault == 'f') return LAUNCH_FAILED;
+    if (*fault == 's') return 0;
     for (;;) pause();
   }
   ((Launch)function)(arguments[0], *(int64_t *)arguments[1]);

@@ -114,8 +114,8 @@ def shared_object(variant: str, folder: Path, unfused: str = "") -> Path:
 
 
 def shared_objects(variants: Iterable[str], folder: Path, unfused: str = "") -> Path:
-    """Writes the kernels of variants into a folder as fake_cuda.c finds them, by the length of their PTX; returns the folder."""
-    folder.mkdir()
+    """Adds the kernels of variants to a folder as fake_cuda.c finds them, by the length of their PTX; returns the folder."""
+    folder.mkdir(exist_ok=True)
     for variant in variants:
         shared_object(variant, folder, unfused).rename(folder / f"{len(ptx_of(variant))}.so")
     return folder

@@ -29,12 +29,12 @@ from renderer.cuda.driver import Card, Device, Driver, DriverError
 from renderer.cuda.render import CardError, CardRenderer
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES, digest
+from renderer.kernel.draft_of_film import draft_of
 from renderer.render import RenderStats, render_batch, render_draft, render_frame
 from renderer.self_test.compare import judge
 from renderer.settings import RenderSettings, Tile, tiles_of
 from tests.helpers import ROOT
 from tests.renderer.cuda.on_host import fake_driver, shared_object
-from tests.renderer.drafts import draft_of
 from tests.renderer.kernel.backends.features import GROUPS, VIEW, grouped, made
 from tests.renderer.test_spectral import room_by_spectra, room_over_a_catcher
 from worker.work import slot_card
@@ -258,7 +258,8 @@ def test_card_frame_by_light_equals_the_cpu_one_until_it_stops(
     card.close()
 
 
-@pytest.mark.long  # builds the kernels of a variant, a minute each
+@pytest.mark.long  # builds the kernels of a variant for card and processor: two minutes of a core each,
+@pytest.mark.timeout(1800)  # and a quarter of an hour on a machine with twenty other processes for each core
 @pytest.mark.parametrize(
     ("kernel", "names"),
     (
@@ -341,6 +342,17 @@ def test_device_picture_equals_the_cpu_picture(as_device: None, with_cards: pyte
     assert set(launched) == {1}
     *_, last = rayfarm.progressive(**wanted, device="cuda")
     assert np.array_equal(last["color"], of_cpu["color"])
+
+
+def test_processor_renders_a_scene_larger_than_the_device_memory(
+    as_device: None, with_cards: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with_cards.setenv("FAKE_CUDA_CARDS", "RTX Test:8:6:0")
+    with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object("plain", tmp_path)))
+    wanted = {"scene": ROOT / "scenes" / "cornell-box.yaml", "width": 12, "height": 9, "spp": 2, "max_depth": 4}
+    with pytest.warns(UserWarning, match=r"card 0 \(RTX Test\) has too little memory, .*; the processor renders it"):
+        found = rayfarm.render(**wanted, device="cuda")
+    assert np.array_equal(found["color"], rayfarm.render(**wanted)["color"])
 
 
 @pytest.mark.parametrize("device", ("cuda:0", "cuda:7"))

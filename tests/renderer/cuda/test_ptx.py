@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import re
-import shutil
-import subprocess
+import sys
 from pathlib import Path
 
 import llvmlite.binding as llvm
-import numpy as np
 import pytest
 
 from renderer import variant_names
@@ -18,28 +17,9 @@ from renderer.kernel.backends.cuda.target import CAPABILITY, PTX_VERSION
 from renderer.kernel.backends.cuda.wavefront import kernels_of
 from renderer.variant_names import base_variant, example_of, has_caustics, kernel_names, suffixes_of, variant_suffix
 from tests.grids import grid
+from tests.renderer.cuda.budget import architectures, assembled, find_assembler, over_budget
 from tests.renderer.cuda.on_host import card_module as module_of
 
-# Limits for the kernels of all variants, by ptxas: bytes of a thread's stack, bytes of spilled registers, and registers.
-BUDGET = {
-    "trace_rays": (768, 128, 200),
-    "find_camera_media": (768, 128, 200),
-    "trace_shadow_rays": (1152, 320, 200),
-    "trace_subsurface": (2304, 640, 200),
-    "sample_caustics": (3328, 640, 255),
-    "scatter_rare": (1152, 640, 255),
-    "shade_misses": (256, 192, 200),
-    "end_paths": (256, 64, 64),
-    "prepare_draft": (0, 0, 64),
-    "smooth_draft": (0, 0, 64),
-    "encode_draft": (0, 0, 40),
-    "shade_hits": (256, 192, 255),  # its spills are those of reflection catchers; without, there are 16 bytes
-}
-BY_LIGHT = {"end_paths": (256, 64, 128), "shade_misses": (256, 192, 240)}  # which add light to each group and path
-OTHERS = 256, 64, 255
-MEASURED = re.compile(
-    r"Function properties for (\w+)\n\s+(\d+) bytes stack frame, (\d+) bytes spill stores.*\n.*Used (\d+) registers"
-)
 # The most that settings can add to a variant: sets of suffixes that no other contains.
 SUFFIXES = {frozenset(suffixes_of(name)) for name in kernel_names()}
 MOST = [suffixes for suffixes in SUFFIXES if not any(suffixes < other for other in SUFFIXES)]
@@ -144,19 +124,24 @@ def test_variant_ptx_has_all_kernels(variant: str) -> None:
     assert all(instruction in ptx for instruction in OF_WARP)
 
 
+def test_assembler_of_the_wheel_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(sys, "path", [str(tmp_path)])
+    assert find_assembler() is None
+    program = tmp_path / "nvidia" / "cu13" / "bin" / "ptxas"
+    program.parent.mkdir(parents=True)
+    program.touch()
+    importlib.invalidate_caches()
+    assert find_assembler() == str(program)
+
+
 @pytest.mark.long  # takes a minute for each variant
 @pytest.mark.parametrize("variant", ASSEMBLED)
 def test_registers_and_spills_stay_within_their_budget(variant: str, tmp_path: Path) -> None:
-    assembler = shutil.which("ptxas") or pytest.skip("There is no ptxas (pip install nvidia-cuda-nvcc).")
+    assembler = find_assembler() or pytest.skip("There is no ptxas (pip install nvidia-cuda-nvcc).")
     path = tmp_path / "kernel.ptx"
     path.write_text(emit_ptx(module_of(variant).clone()))
-    version = subprocess.run([assembler, "--version"], capture_output=True, text=True, check=True).stdout
-    is_new = int(re.findall(r"release (\d+)", version)[0]) >= 13  # and does not assemble for 7.0
-    for architecture in ("sm_75" if is_new else "sm_70", "sm_90"):
-        command = [assembler, f"-arch={architecture}", "-v", str(path), "-o", str(tmp_path / "kernel.cubin")]
-        said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
-        found = {name: tuple(map(int, used)) for name, *used in MEASURED.findall(said)}
+    for architecture in architectures(assembler):
+        found = assembled(assembler, path, architecture)
         assert sorted(found) == _kernels(variant)
-        budget = BUDGET | (BY_LIGHT if suffixes_of(variant) & {"-paths", "-groups"} else {})
-        over = {name: used for name, used in found.items() if (np.array(used) > budget.get(name, OTHERS)).any()}
-        assert not over, architecture
+        assert not over_budget(variant, found), architecture

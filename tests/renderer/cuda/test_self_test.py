@@ -92,6 +92,14 @@ def test_card_that_rounds_twice_in_one_stage_fails(
     assert " of 4096 pixels of the scene surfaces with kernel plain" in reason
 
 
+def test_card_that_encodes_other_drafts_fails(card: Card, library: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("FAKE_CUDA_KERNEL", str(shared_object("plain", tmp_path)))
+    monkeypatch.setenv("FAKE_CUDA_FAULT", "skip:encode_draft")
+    reason, is_lasting = judge(card, "plain", library)
+    assert is_lasting
+    assert " of 4096 pixels of the scene surfaces (draft) with kernel plain" in reason
+
+
 def test_driver_error_fails_the_test(card: Card, library: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("FAKE_CUDA_KERNEL", str(shared_object("plain", tmp_path)))
     monkeypatch.setenv("FAKE_CUDA_FAULT", "fail:shade_hits")

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from renderer.film import ALBEDO, CHANNELS, COLOR, DEPTH, MATERIAL, NORMAL, POSITION, SAMPLES, Sums
 from renderer.kernel.draft import DRAFT_STOPS
-from tests.renderer.drafts import draft_of
+from renderer.kernel.draft_of_film import draft_of
 
 EXPONENT, HEIGHT, WIDTH = 20, 48, 64
 

@@ -1,4 +1,4 @@
-"""Drafts that a core makes of a film."""
+"""Drafts encoded by a core, for comparison with those of graphics cards."""
 
 from __future__ import annotations
 
