@@ -25,6 +25,8 @@ from tests.helpers import Farm, running_redis, start_farm, stop_farm
 from tests.kernels import get_ready, ready_first
 from tests.parts import is_in_part, own_part, place
 
+TESTS = Path(__file__).parent
+
 # A shell that starts the tests in the background makes them ignore Ctrl-C, which their child processes would inherit.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -34,7 +36,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     atexit.register(os._exit, 0)
 
 # Plain HTTP needs no certificates, which every client would read; this folder has none.
-os.environ.setdefault("SSL_CERT_DIR", str(Path(__file__).parent))
+os.environ.setdefault("SSL_CERT_DIR", str(TESTS))
 
 # An example's duration depends more on the machine than on the code. Most false properties fail early.
 hypothesis.settings.register_profile("long", deadline=None)
@@ -73,13 +75,18 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def is_of_others(path: Path) -> bool:
-    """Returns whether another process of xdist runs a test file."""
-    return not is_in_part(path_of(path), *own_part())
+    """Returns whether another process of xdist runs a test file. Files outside tests/ have no part: each process runs them."""
+    return path.is_relative_to(TESTS) and not is_in_part(path_of(path), *own_part())
 
 
 def path_of(path: Path) -> str:
-    """Returns a test file's path below tests/."""
-    return path.relative_to(Path(__file__).parent).as_posix()
+    """Returns the path below tests/ of a test file in that folder."""
+    return path.relative_to(TESTS).as_posix()
+
+
+def order(path: Path) -> tuple[int, int, str]:
+    """Returns the sort key of a test file's tests. Files outside tests/ come first, by path."""
+    return (*place(path_of(path)), path_of(path)) if path.is_relative_to(TESTS) else (-1, 0, path.as_posix())
 
 
 def has_only_long(source: str) -> bool:
@@ -156,7 +163,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> ByPart:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Orders the tests, and drops those of others' files that were named on the command line, which no hook ignores."""
     items[:] = [item for item in items if not is_of_others(item.path)]
-    items.sort(key=lambda item: (*place(path_of(item.path)), path_of(item.path)))
+    items.sort(key=lambda item: order(item.path))
 
 
 def pytest_collection_finish() -> None:
