@@ -227,9 +227,22 @@ def pytest_runtest_makereport(
     skipped, since they need a processor that no installation can provide.
     """
     report = yield
-    must_run = bool(os.environ.get("CI")) and not item.get_closest_marker("hardware")
-    if report.skipped and must_run and not hasattr(report, "wasxfail"):
+    if not item.get_closest_marker("hardware") and not hasattr(report, "wasxfail"):
+        refuse_skip_in_ci(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector: pytest.Collector) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Turns a file that is skipped while it is imported, such as by `pytest.importorskip`, into an error if $CI is set."""
+    report = yield
+    refuse_skip_in_ci(report)
+    return report
+
+
+def refuse_skip_in_ci(report: pytest.TestReport | pytest.CollectReport) -> None:
+    """Makes a report of a skip a failure if $CI is set."""
+    if report.skipped and os.environ.get("CI"):
         reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
         report.outcome = "failed"
-        report.longrepr = f"{item.nodeid} must not be skipped where $CI is set: {reason}"
-    return report
+        report.longrepr = f"{report.nodeid} must not be skipped where $CI is set: {reason}"
