@@ -25,6 +25,8 @@ from tests.helpers import Farm, running_redis, start_farm, stop_farm
 from tests.kernels import get_ready, ready_first
 from tests.parts import is_in_part, own_part, place
 
+TESTS = Path(__file__).parent
+
 # A shell that starts the tests in the background makes them ignore Ctrl-C, which their child processes would inherit.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -34,7 +36,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     atexit.register(os._exit, 0)
 
 # Plain HTTP needs no certificates, which every client would read; this folder has none.
-os.environ.setdefault("SSL_CERT_DIR", str(Path(__file__).parent))
+os.environ.setdefault("SSL_CERT_DIR", str(TESTS))
 
 # An example's duration depends more on the machine than on the code. Most false properties fail early.
 hypothesis.settings.register_profile("long", deadline=None)
@@ -73,13 +75,18 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def is_of_others(path: Path) -> bool:
-    """Returns whether another process of xdist runs a test file."""
-    return not is_in_part(path_of(path), *own_part())
+    """Returns whether another process of xdist runs a test file. Files outside tests/ have no part: each process runs them."""
+    return path.is_relative_to(TESTS) and not is_in_part(path_of(path), *own_part())
 
 
 def path_of(path: Path) -> str:
-    """Returns a test file's path below tests/."""
-    return path.relative_to(Path(__file__).parent).as_posix()
+    """Returns the path below tests/ of a test file in that folder."""
+    return path.relative_to(TESTS).as_posix()
+
+
+def order(path: Path) -> tuple[int, int, str]:
+    """Returns the sort key of a test file's tests. Files outside tests/ come first, by path."""
+    return (*place(path_of(path)), path_of(path)) if path.is_relative_to(TESTS) else (-1, 0, path.as_posix())
 
 
 def has_only_long(source: str) -> bool:
@@ -156,7 +163,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> ByPart:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Orders the tests, and drops those of others' files that were named on the command line, which no hook ignores."""
     items[:] = [item for item in items if not is_of_others(item.path)]
-    items.sort(key=lambda item: (*place(path_of(item.path)), path_of(item.path)))
+    items.sort(key=lambda item: order(item.path))
 
 
 def pytest_collection_finish() -> None:
@@ -220,9 +227,22 @@ def pytest_runtest_makereport(
     skipped, since they need a processor that no installation can provide.
     """
     report = yield
-    must_run = bool(os.environ.get("CI")) and not item.get_closest_marker("hardware")
-    if report.skipped and must_run and not hasattr(report, "wasxfail"):
+    if not item.get_closest_marker("hardware") and not hasattr(report, "wasxfail"):
+        refuse_skip_in_ci(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector: pytest.Collector) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Turns a file that is skipped while it is imported, such as by `pytest.importorskip`, into an error if $CI is set."""
+    report = yield
+    refuse_skip_in_ci(report)
+    return report
+
+
+def refuse_skip_in_ci(report: pytest.TestReport | pytest.CollectReport) -> None:
+    """Makes a report of a skip a failure if $CI is set."""
+    if report.skipped and os.environ.get("CI"):
         reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
         report.outcome = "failed"
-        report.longrepr = f"{item.nodeid} must not be skipped where $CI is set: {reason}"
-    return report
+        report.longrepr = f"{report.nodeid} must not be skipped where $CI is set: {reason}"

@@ -74,8 +74,14 @@ def test_skips_are_failures_in_ci(tmp_path: Path) -> None:
     skips = "def test_{}(monkeypatch):\n    monkeypatch.setenv('CI', '{}')\n    pytest.skip('no Chromium')\n"
     (tmp_path / "test_page.py").write_text("import pytest\n\n" + skips.format("here", "") + skips.format("there", "true"))
     (tmp_path / "test_processor.py").write_text("import pytest\n\n@pytest.mark.hardware\n" + skips.format("elsewhere", "true"))
-    command = [sys.executable, "-m", "pytest", "-p", "tests.conftest", "--rootdir", str(tmp_path), str(tmp_path)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    assert "1 failed, 2 skipped" in done.stdout, done.stdout + done.stderr
+    (tmp_path / "test_reader.py").write_text("import pytest\n\npytest.importorskip('no_library')\n")
+    options = ["-p", "tests.conftest", "--rootdir", str(tmp_path), "--continue-on-collection-errors", str(tmp_path)]
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_XDIST_")}
+    environment |= {"CI": "true", "PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *options], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1, done.stderr
+    assert re.search(r"1 failed, 2 skipped, .*1 error\b", done.stdout), done.stdout + done.stderr
     assert "test_page.py::test_there must not be skipped where $CI is set: Skipped: no Chromium" in done.stdout
+    assert "test_reader.py must not be skipped where $CI is set: Skipped: could not import 'no_library'" in done.stdout

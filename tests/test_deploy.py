@@ -210,18 +210,6 @@ def test_two_service_overlay_changes_only_what_it_needs() -> None:
     assert claim["spec"] in [part["spec"] for part in PARTS if part["metadata"]["name"] == name]
 
 
-def test_source_digest_is_computed_at_image_build() -> None:
-    """The digest of the sources is computed when the worker's image is built, and stored in the image.
-
-    Otherwise each container would compute it at its start, in a second of processor time, since its sources are read-only.
-    """
-    _, kernels, rest = re.split("^FROM base AS (?=kernels|worker)", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
-    assert kernels.startswith("kernels\n")
-    assert "jit.kind()" in kernels
-    assert "COPY --from=kernels /app/renderer renderer" in rest
-    assert "COPY renderer" not in rest, "another state of the sources would be found out anew"
-
-
 COMPOSE = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
 OURS = ("secrets", "redis", "service", "standby", "worker", "gpu-worker", "old-worker", "caddy")
 EXAMPLE = re.findall(r"^#?(\w+)=", (ROOT / "deploy" / "rayfarm.env.example").read_text(), re.MULTILINE)

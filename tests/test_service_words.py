@@ -19,7 +19,6 @@ SPEAKERS = ("protocol", "service", "worker", "renderer", "blender/rayfarm_addon/
 CALL = re.compile(r"(?<!class )(?<![\w.`])Sentence\((?!\))")
 PLACES = re.compile(r"\{\w+\}")
 CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
-WITH_NUMBERS = {"file-not-utf-8", "upload-name-not-utf-8", "upload-field-not-utf-8"}
 
 
 class Said(NamedTuple):
@@ -98,11 +97,8 @@ def test_each_template_has_one_code() -> None:
     assert not {text: found for text, found in codes.items() if len(found) > 1}
 
 
-def test_codes_are_short_and_in_kebab_case() -> None:
-    wrong = [each.code for each in _sentences() if not CODE.fullmatch(each.code) or each.code.count("-") > 5]
-    assert not wrong
-    numbered = re.compile(r".*-[0-9]+")
-    assert not [each.code for each in _sentences() if numbered.fullmatch(each.code) and each.code not in WITH_NUMBERS]
+def test_codes_are_in_kebab_case() -> None:
+    assert not [each.code for each in _sentences() if not CODE.fullmatch(each.code)]
 
 
 def test_sentence_parameters_match_the_template() -> None:

@@ -11,7 +11,6 @@ import pytest
 import redis
 
 from protocol.contract import RESULTS
-from tests.benchmarks.faults.attack import KINDS
 from tests.benchmarks.faults.patience import Patience
 from tests.benchmarks.faults.stream import Stream
 from tests.benchmarks.faults.tally import BEGIN, END, Fault, into_page, read, table, write
@@ -95,10 +94,3 @@ def test_repeated_results_are_counted_and_forged_ones_are_not(redis_url: str) ->
             wait_until(lambda: stream.latest[-1] == answer(12), 20, "all are read")
         assert (stream.batches, stream.repeated) == (4, 1)
         store.delete(RESULTS)
-
-
-def test_every_fault_kind_has_a_supported_ground() -> None:
-    from tests.benchmarks import bench_faults
-
-    assert len(KINDS) > 25
-    assert all(set(each.grounds) <= set(bench_faults.GROUNDS) and each.grounds for each in KINDS.values())

@@ -13,6 +13,8 @@ pytestmark = pytest.mark.long
 
 def choose(page: Page, text: str) -> None:
     """Runs the first entry of the command palette that a text finds."""
+    # A loaded page takes keys only once the service has sent its session.
+    expect(page.get_by_role("button", name="Find", exact=True)).to_be_visible()
     page.keyboard.press("Control+k")
     page.keyboard.type(text)
     expect(page.get_by_role("dialog").get_by_role("option").first).to_contain_text(text)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 
-from protocol.event_stream import EVENTS, KEEP_ALIVE, RETRY, JobEvent, WorkerEvent
+from protocol.event_stream import EVENTS, JobEvent, WorkerEvent
 from tests.helpers import ROOT
 
 
@@ -16,11 +16,6 @@ def test_event_has_type_and_one_data_line() -> None:
     assert event == "event: job"
     assert json.loads(data.removeprefix("data: ")) == {"id": "a1", "name": "two\nlines"}
     assert WorkerEvent("attic", None).to_text() == 'event: worker\ndata: {"id": "attic", "deleted": true}\n\n'
-
-
-def test_what_is_no_event_is_a_field_or_a_comment() -> None:
-    assert re.fullmatch(r"retry: \d+\n\n", RETRY)
-    assert re.fullmatch(r": .*\n\n", KEEP_ALIVE)
 
 
 def test_page_handles_every_event() -> None:

@@ -66,7 +66,8 @@ SKIES = {
 def _environment_formula(made, given):
     d, pdf = sample_environment(made, given[0], (given[1], given[2]))
     light, density = environment_light(made, (given[3], given[4], given[5]), given[0] < np.float32(0.5))
-    return *d, pdf, *light, density
+    pdfs = pdf, density
+    return d + light + pdfs  # Numba refuses starred tuples in a function that takes a scene
 
 
 @entry
@@ -125,11 +126,8 @@ def _lights_formula(made, given):
     one, any_ = sample_one_light(made, number, p, n, u, None), sample_light(made, p, n, given[11], u, None)
     pdf = primitive_light_pdf(made, u32(to_int(given[13])), p, n, hit, abs(given[3]), given[4] < np.float32(0.5), None)
     seen = environment_seen(made, n, given[10] < np.float32(0.5))
-    return (
-        light, any_.alone, one.alone, chance, pdf, *seen[0], seen[1],
-        any_.pdf, *any_.direction, *any_.end, *any_.radiance,
-        one.pdf, *one.direction, *one.end, *one.radiance,
-    )  # fmt: skip
+    numbers = light, any_.alone, one.alone, chance, pdf, seen[1], any_.pdf, one.pdf
+    return numbers + seen[0] + any_.direction + any_.end + any_.radiance + one.direction + one.end + one.radiance
 
 
 @entry

@@ -61,11 +61,11 @@ def test_failed_dependency_fails_dependent_jobs(service: Service, worker: PeerWo
     failed = service.wait_for(second, "failed")
     called = first if end == "deleted" else f"the first ({first})"
     ended = end if end == "failed" else f"was {end}"
-    assert failed["error"].startswith(f"It was to come after the job {called}, which {ended} before it was finished.")
+    assert failed["error"].startswith(f"It depends on the job {called}, which {ended} before it was finished.")
     assert f"the second ({second})" in service.wait_for(third, "failed")["error"]
     if end != "deleted":
         refused = service.http.post("/api/jobs", json={"scene": scene, "after": [first]})
-        assert (refused.status_code, ". Choose a job that is not over" in refused.json()["detail"]) == (409, True)
+        assert (refused.status_code, ". Choose an unfinished job" in refused.json()["detail"]) == (409, True)
 
     worker.on_batch = lambda batch: None
     service.http.post("/api/jobs/changes", json={"jobs": [third, second], "state": "running"}).raise_for_status()

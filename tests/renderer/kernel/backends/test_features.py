@@ -113,9 +113,3 @@ def test_the_features_ask_for_all_variants() -> None:
         variant = {"hair": "hair", "hair in fog": "moving-hair", "reflections in fog": "moving-catchers"}.get(name, variant)
         variant = {"hair of facets": "huang", "hair of facets in fog": "moving-huang"}.get(name, variant)
         assert variant_for(settings, scene) == variant, name
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", RARE)
-def test_what_moves_and_what_scatters_is_seen(name: str) -> None:
-    assert render_frame(*made(name), 1)[COLOR].any()
