@@ -17,7 +17,7 @@ import { mayChange } from "../news/projects.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { Disposer } from "../base/store.js";
 import { addShortcuts } from "../shell/shortcuts.js";
-import { showError } from "../shell/tray.js";
+import { placeUploads, showError } from "../shell/tray.js";
 import { jobRow } from "./job-row.js";
 import { sceneGrid } from "./scene-grid.js";
 import { t } from "../base/words.js";
@@ -36,6 +36,7 @@ export function homeView() {
   const life = new Disposer();
   const notice = h("div", { class: "notice-slot" });
   const zone = dropZone();
+  life.add(placeUploads(zone));
   const nothing = emptyPage("image", t("There is nothing to look at yet"), t("What others upload and render appears here, as far as you may see it."));
   nothing.hidden = true;
   const grid = sceneGrid();
@@ -70,11 +71,12 @@ export function homeView() {
     const seenJobs = (jobs.value ?? [])
       .filter((job) => !hidden.value.has(job.id))
       .slice(0, RECENT_JOBS);
-    grid.put(seenScenes, arriving.value);
+    const several = arriving.value.length > 1 ? arriving.value : []; // the drop area shows a single upload
+    grid.put(seenScenes, several);
     showJobs(seenJobs);
     zone.classList.toggle("compact", seenScenes.length > 0);
     nothing.hidden = mayChange(chosenProject()) || seenScenes.length + seenJobs.length > 0 || scenes.value === null;
-    sceneSection.hidden = seenScenes.length + arriving.value.length === 0;
+    sceneSection.hidden = seenScenes.length + several.length === 0;
     jobSection.hidden = seenJobs.length === 0;
   };
   /** @type {ReturnType<typeof setTimeout> | undefined} */
