@@ -30,6 +30,9 @@ const NEWS_MS = 300;
 /** The most impressive examples come first; the others are sorted by name. */
 const FIRST_EXAMPLES = ["still-life", "caterpillar", "christmas", "spheres", "cornell-box"];
 
+/** The examples that were shown last. @type {{examples: Example[], comparisons: Awaited<ReturnType<typeof getComparisons>>} | null} */
+let shown = null;
+
 /** @returns {{element: HTMLElement, dispose: () => void}} */
 export function homeView() {
   setTitle();
@@ -115,14 +118,23 @@ export function homeView() {
     refresh();
   };
   listed.then(illustrate, () => {}); // the section of the examples stays hidden
+  const present = () => {
+    if (!shown) return;
+    const { examples, comparisons } = shown;
+    const all = inOrder(examples);
+    fill(exampleGrid, all.map(exampleCard));
+    const pairs = all.flatMap((example) => (comparisons[example.name] ?? []).map((comparison) => comparisonItem(example, comparison)));
+    fill(comparisonList, pairs);
+    exampleSection.hidden = examples.length === 0;
+    comparisonSection.hidden = pairs.length === 0;
+  };
+  present(); // as before, so that the page has its length and place at once
   Promise.all([listed, getComparisons(), told]).then(
     ([examples, comparisons]) => {
-      const all = inOrder(examples);
-      fill(exampleGrid, all.map(exampleCard));
-      const pairs = all.flatMap((example) => (comparisons[example.name] ?? []).map((comparison) => comparisonItem(example, comparison)));
-      fill(comparisonList, pairs);
-      exampleSection.hidden = examples.length === 0;
-      comparisonSection.hidden = pairs.length === 0;
+      const found = { examples, comparisons };
+      if (JSON.stringify(found) === JSON.stringify(shown)) return;
+      shown = found;
+      present();
     },
     () => {}, // a service without examples: the section stays hidden
   );
