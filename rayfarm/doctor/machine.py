@@ -66,7 +66,7 @@ def _compiler() -> Finding:
 
 
 def _cards() -> Iterator[Finding]:
-    """Lists the graphics cards: a fault of the driver is a note, since a newer driver mends it; no or an unsuitable card is a fact."""
+    """Lists the graphics cards: a fault of the driver is a note, since a newer one mends it; an unusable card is a fact."""
     from renderer.cuda.cards import NOT_YET_TRIED, described, find_cards, has_nvidia_hardware
     from renderer.cuda.verdicts import failure_of, kernels_with_verdicts
 

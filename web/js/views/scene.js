@@ -331,8 +331,9 @@ function viewOf(scene, form, sides, life, steps) {
       timer = undefined;
       // An address that changed meanwhile wins; its `hashchange` event may still be queued behind this timer.
       if (here().path.join() !== path || here().params.get("view") !== written) return;
-      const { view } = form.request();
-      written = view ? viewToText(view) : null;
+      const { view, camera } = form.request();
+      const isFirst = camera === undefined || camera === 0 || camera === scene.cameras[0]?.name;
+      written = view || !isFirst ? viewToText(view ?? form.view()) : null;
       setParams({ view: written });
     }, 400);
   };
