@@ -12,6 +12,8 @@ import { shareInView } from "./in-view.js";
 
 /** Share of the picture that the outline of a small scene's bounds has at most: of that, most shapes cover about half. */
 const SMALL = 0.12;
+/** The same, of what the outline covers when the scene is framed: a slender one is never large. */
+const SMALL_OF_FRAMED = 0.5;
 
 /**
  * @param {import("../base/types.js").Scene} scene
@@ -37,7 +39,9 @@ export function frameHand(scene, { view, aspect, bounds, turn }) {
     frame,
     update() {
       const box = bounds();
-      element.hidden = !box || shareInView(view(), aspect(), ...box) >= SMALL;
+      const whole = scene.cameras.at(-1)?.view;
+      const most = box && whole && Math.min(SMALL, SMALL_OF_FRAMED * shareInView(whole, aspect(), ...box));
+      element.hidden = !box || !most || shareInView(view(), aspect(), ...box) >= most;
     },
     dispose: endKey,
   };
