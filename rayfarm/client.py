@@ -422,7 +422,9 @@ class Client:
             with self._http.stream(method, path, **kwargs) as response:
                 body = self._body(response, limit)
         except httpx.ConnectError as error:
-            raise ClientError(f"No farm answers at {self.url}. Start one with `rayfarm up`, or name another server.") from error
+            raise ClientError(
+                f"No farm answers at {self.url}. Start one with `rayfarm up`, or give its address by --server URL."
+            ) from error
         except (httpx.HTTPError, httpx.StreamError, httpx.InvalidURL, UnicodeError) as error:
             raise ClientError(f"{self.url} does not answer ({error or type(error).__name__}). Try again.") from error
         except OSError as error:

@@ -14,6 +14,7 @@ from urllib.parse import quote
 
 from rayfarm.console import err
 from rayfarm.errors import CommandError
+from renderer.errors import SceneError
 from renderer.formats import ARCHIVE_SUFFIXES, COLOR_CONFIG, NAMING_SUFFIXES, SCENE_SUFFIXES, is_junk, nested_archives, pick_main
 from renderer.frames import frame_name, numbers_of
 from renderer.zip_names import entry_names
@@ -54,11 +55,12 @@ def check(scene: Path) -> None:
     if scene.is_file() and scene.suffix.lower() not in SCENE_SUFFIXES + ARCHIVE_SUFFIXES:
         if scene.suffix.lower() in (".exr", ".hdr"):
             raise CommandError(f"{scene.name} is an image, not a scene. To light a scene with it, give it by --env {scene.name}.")
-        raise CommandError(
-            f"{scene.name} is not a scene that Rayfarm reads. It reads {', '.join(SCENE_SUFFIXES + ARCHIVE_SUFFIXES)}."
-        )
+        try:
+            pick_main([scene.name])
+        except SceneError as error:
+            raise CommandError(str(error)) from None
     if scene.is_file() and scene.stat().st_size == 0:
-        raise CommandError(f"{scene.name} is empty.")
+        raise CommandError(f"{scene.name} is empty (0 bytes). Export or copy it again.")
 
 
 @contextlib.contextmanager
@@ -139,8 +141,10 @@ def _unpack(archive: Path, folder: Path, max_bytes: int) -> list[str]:
                     shutil.copyfileobj(source, target)
             return [name for name, _ in pairs]
     except (*DAMAGED, OSError) as error:
+        if isinstance(error, RuntimeError) and "password" in str(error):
+            raise CommandError(f"{archive.name} is encrypted. Pack it again without a password.") from error
         raise CommandError(
-            f"{archive.name} cannot be unpacked ({error}). Pack it again as a plain zip without a password."
+            f"{archive.name} cannot be unpacked. Copy it again, or pack it again as a plain zip ({error})."
         ) from error
 
 

@@ -157,7 +157,7 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
             raise SceneError(
                 Sentence(
                     "file-not-a-scene",
-                    "The file {name} is not a 3D scene. Give a GLB, glTF, USD, FBX, BLEND, OBJ, PLY, STL, DAE or YAML file, "
+                    "{name} is not a 3D scene. Give a GLB, glTF, USD, FBX, BLEND, OBJ, PLY, STL, DAE or YAML file, "
                     "or a zip with one.",
                     name=next(iter(names))[:200],
                 )

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["register"]
 
-MARKS = {"fine": ("ok   ", "green"), "note": ("note ", "yellow"), "fault": ("FAULT", "bold red")}
+MARKS = {"fine": ("ok   ", "green"), "fact": ("-    ", "dim"), "note": ("note ", "yellow"), "fault": ("FAULT", "bold red")}
 
 
 def register(app: typer.Typer) -> None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["Finding", "Level", "fault", "fine", "note_finding"]
+__all__ = ["Finding", "Level", "fact", "fault", "fine", "note_finding"]
 
-Level = Literal["fine", "note", "fault"]
+Level = Literal["fine", "fact", "note", "fault"]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of a check. level: fine; note: works, but could be better; fault: does not work, or data was lost.
+    """Result of a check. level: fine; fact: neither good nor bad; note: could be better; fault: does not work, or data was lost.
 
     about: subject of the check. says: the result, as a sentence. do: what to do next, if anything.
     """
@@ -26,6 +26,11 @@ class Finding:
 def fine(about: str, says: str) -> Finding:
     """Returns a finding of level "fine"."""
     return Finding("fine", about, says)
+
+
+def fact(about: str, says: str) -> Finding:
+    """Returns a finding of level "fact": how this machine is, which is neither good nor bad."""
+    return Finding("fact", about, says)
 
 
 def note_finding(about: str, says: str, advice: str = "") -> Finding:

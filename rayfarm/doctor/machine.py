@@ -13,7 +13,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from rayfarm.doctor.finding import Finding, fault, fine, note_finding
+from rayfarm.doctor.finding import Finding, fact, fault, fine, note_finding
 from renderer.cache_folders import cache_home, reason_to_distrust
 
 __all__ = ["check_machine"]
@@ -66,7 +66,7 @@ def _compiler() -> Finding:
 
 
 def _cards() -> Iterator[Finding]:
-    """Lists the graphics cards: a fault of the driver is a note, since a newer driver mends it; an unsuitable card is not."""
+    """Lists the graphics cards: a fault of the driver is a note, since a newer one mends it; an unusable card is a fact."""
     from renderer.cuda.cards import NOT_YET_TRIED, described, find_cards, has_nvidia_hardware
     from renderer.cuda.verdicts import failure_of, kernels_with_verdicts
 
@@ -83,7 +83,10 @@ def _cards() -> Iterator[Finding]:
         by_driver = code in ("cards-driver-too-old", "cards-driver-not-started") or (
             code == "cards-unused" and has_nvidia_hardware()
         )
-        yield note_finding("Card", reason) if by_driver else fine("Card", reason)
+        if by_driver:
+            yield note_finding("Card", reason)
+        else:
+            yield fact("Card", "No card found (no NVIDIA driver); the cores render." if code == "cards-unused" else reason)
 
 
 def _denoiser() -> Finding:

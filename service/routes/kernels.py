@@ -33,7 +33,7 @@ TOKEN_NOT_ACCEPTED = Sentence(
 
 @router.get("/{name}", response_class=FileResponse)
 def get_kernels(name: str, farm: FarmDependency, visit: VisitDependency, request: Request) -> Response:
-    """Returns the kernels with this name. renderer/kernel_file.py defines the names and signatures."""
+    """Returns the kernels with this name, which tells release, processor and variant."""
     path = farm.kernels.find(name)
     if path is None:
         raise NotFound(Sentence("kernels-not-found", "The farm has no kernels of this name; compile and upload them."))

@@ -158,7 +158,10 @@ def poster(id: str, request: Request, farm: FarmDependency, v: PosterVersion = N
 
 @router.get("/{id}/preview", response_class=Response, responses={200: PREVIEW, 304: {"description": "not changed"}})
 def preview(id: str, request: Request, farm: FarmDependency) -> Response:
-    """Returns a mesh of the scene with its materials, once a worker has read the files. Layout: protocol/mesh.py."""
+    """Returns a mesh of the scene with its materials, once a worker has read the files.
+
+    It is a packet for the page, whose layout may change with each release.
+    """
     progress = farm.engine.snapshot.preparing.get(id)  # first: it ends once the scene's own row has the preview
     scene = find_scene(id, farm)
     ref = (scene.info or {}).get("preview") or (asdict(progress.preview.preview) if progress and progress.preview else None)

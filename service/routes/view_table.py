@@ -18,7 +18,10 @@ __all__ = ["router"]
 
 router = api_router(tags=["info"])
 
-TABLE = {"content": {"application/octet-stream": {}}, "description": "The table. Layout: protocol/view_table.py."}
+TABLE = {
+    "content": {"application/octet-stream": {}},
+    "description": "The table: a packet for the page, whose layout may change with each release.",
+}
 
 
 @router.get("/api/view-table", response_class=Response, responses={200: TABLE, 304: {"description": "Not changed."}})

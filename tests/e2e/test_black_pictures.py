@@ -1,4 +1,4 @@
-"""Tests that the page says why a picture is black."""
+"""Tests that the page says why a picture is black, and frames a scene that its camera does not show or shows small."""
 
 from __future__ import annotations
 
@@ -62,5 +62,31 @@ def test_black_view_and_job_say_that_the_camera_sees_nothing(farm: Farm, watched
     expect(dark.get_by_role("button", name="Studio light")).to_be_hidden()
     dark.get_by_role("button", name="Frame the scene").click()
     expect(dark).to_be_hidden()
+    expect(page).to_have_url(re.compile("view="))
+    assert watched.errors == []
+
+
+def test_scene_that_its_camera_shows_small_is_framed_and_framing_is_undone(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    distant = SCENE.replace("Behind", "Distant").replace(
+        "eye: [0, 0, 4], target: [0, 0, 9]", "eye: [0, 0, 90], target: [0, 0, 0]"
+    )
+    sent = httpx.post(f"{farm.url}/api/scenes", files={"files": ("distant.yaml", distant)})
+    scene = sent.raise_for_status().json()["id"]
+    with farm.client() as client:
+        client.wait_for_scene(scene)
+    page.goto(f"{farm.url}/#/scenes/{scene}")
+    frame = page.get_by_role("button", name="Frame the scene")
+    camera = page.get_by_label("Camera", exact=True).locator("option:checked")
+    own = camera.inner_text()
+    frame.click()
+    expect(frame).to_be_hidden()
+    expect(camera).to_have_text("Automatic: frames the scene")
+    page.get_by_role("button", name="Undo").click()
+    expect(frame).to_be_visible()
+    expect(camera).to_have_text(own)
+    expect(page).not_to_have_url(re.compile("view="))
+    page.keyboard.press("f")
+    expect(frame).to_be_hidden()
     expect(page).to_have_url(re.compile("view="))
     assert watched.errors == []

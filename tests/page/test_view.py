@@ -54,6 +54,25 @@ def test_box_outside_the_pyramid_of_view_is_not_in_view(node: Node) -> None:
     assert sees([-1, -1, 0], shift_x=3) is False
 
 
+def test_share_of_the_picture_is_the_area_of_the_outline(node: Node) -> None:
+    def share(low: list[float], high: list[float], **changes: object) -> float:
+        view = {"eye": [0, 0, 10], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 90, **changes}
+        body = "return m.shareInView(a.view, 2, a.low, a.high);"
+        found: float = node.call("scene/in-view", body, {"view": view, "low": low, "high": high})
+        return found
+
+    # A square of side 2 at distance 10, where the picture is 40 wide and 20 high.
+    assert share([-1, -1, 0], [1, 1, 0]) == pytest.approx(4 / 800)
+    assert share([-1, -1, 0], [1, 1, 0], projection="orthographic", height=4) == pytest.approx(4 / 32)
+    # The near face of a cube hides the others; from a corner the outline is a hexagon of three faces.
+    assert share([-1, -1, -1], [1, 1, 1]) == pytest.approx(4 * (10 / 9) ** 2 / 800)
+    corner = {"eye": [10, 10, 10], "up": [0, 1, 0], "projection": "orthographic", "height": 4}
+    assert share([-1, -1, -1], [1, 1, 1], **corner) == pytest.approx(4 * 3**0.5 / 32)
+    assert share([-100, -100, -1], [100, 100, 1]) == 1
+    assert share([-1, -1, 3], [1, 1, 12]) == 1, "the camera is inside"
+    assert share([-1, -1, 0], [1, 1, 0], projection="panorama") == 1
+
+
 @pytest.mark.parametrize(
     ("up", "side", "towards"),
     [

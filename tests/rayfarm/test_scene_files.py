@@ -107,8 +107,9 @@ def test_limit_of_size_holds_for_both_levels_of_zips(tmp_path: Path, monkeypatch
     [
         ("missing.glb", None, "There is no file"),
         ("empty.glb", b"", "empty.glb is empty"),
-        ("notes.docx", b"text", "notes.docx is not a scene that Rayfarm reads"),
+        ("notes.docx", b"text", "notes.docx is not a 3D scene"),
         ("sky.exr", b"light", "To light a scene with it, give it by --env sky.exr"),
+        ("model.max", b"text", "model.max cannot be read here. In 3ds Max, choose"),
         ("broken.zip", b"PK no zip", "broken.zip cannot be unpacked"),
     ],
 )

@@ -1,6 +1,7 @@
 """Scene file readers, one per format: `read(files, main, description)` fills a SceneDescription or raises SceneError.
 
 by_format.py        selects the reader of a file by the table in renderer/formats.py
+file_damage.py      errors in plain words for files that are cut off or have another content than their suffix says
 gltf/               glTF 2.0, .gltf and .glb
 fbx/                FBX, by ufbx
 assimp/             less common formats, by assimp; collada.py Collada, with trimesh where assimp rejects a file

@@ -20,6 +20,7 @@ from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.names import make_readable
+from renderer.scene.readers.file_damage import plain_error
 from renderer.scene.text_encoding import is_readable, readable
 from renderer.sentences import Sentence
 
@@ -88,8 +89,10 @@ def read_file(
     try:
         reader.read(files, name, description, **options)
     except RayfarmError as error:
+        if isinstance(error, SceneError) and (plain := plain_error(files.path(name), name, error)) is not None:
+            error = plain
         if is_readable(str(error)):
-            raise
+            raise error
         raise SceneError(readable(str(error))) from error  # a subclass may need other arguments
     except MemoryError:
         raise
@@ -97,7 +100,7 @@ def read_file(
     except Exception as error:
         if is_of_machine(error):
             raise
-        raise SceneError(
+        unreadable = SceneError(
             Sentence(
                 "file-unreadable-as-format",
                 "{name}: could not be read as {format}; it may be damaged, export it again ({error})",
@@ -105,7 +108,8 @@ def read_file(
                 format=suffix,
                 error=_error_text(error),
             )
-        ) from error
+        )
+        raise plain_error(files.path(name), name, unreadable) or unreadable from error
     make_readable(description, files, name)
     clips = description.clips
     if moment.clip is None and clips is not before and len(clips) > 1 and clips[0].name != ALL_CLIPS:

@@ -99,7 +99,7 @@ def _parse_counts(lines: list[str], main: str) -> tuple[int, int]:
         raise SceneError(
             Sentence(
                 "off-counts-missing",
-                "{file} is damaged or not an .off file (the counts of vertices and faces are missing); export it again",
+                "{file} is damaged or not an .off file. Export it again (the counts of vertices and faces are missing)",
                 file=main,
             )
         )

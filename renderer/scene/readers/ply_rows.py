@@ -89,7 +89,7 @@ def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: Non
         raise SceneError(
             Sentence(
                 "ply-header-missing",
-                "{file} is damaged or not a .ply file (its header is incomplete); export it again",
+                "{file} is damaged or not a .ply file. Export it again (its header is incomplete)",
                 file=file,
             )
         )
@@ -323,7 +323,7 @@ class _Text:
                 raise SceneError(
                     Sentence(
                         "ply-words-among-numbers",
-                        "{file} is damaged or not a .ply file (it contains words among its numbers); export it again",
+                        "{file} is damaged or not a .ply file. Export it again (it contains words among its numbers)",
                         file=file,
                     )
                 ) from None

@@ -250,7 +250,7 @@ class _Reader:
             raise SceneError(
                 Sentence(
                     "3mf-file-damaged",
-                    "{file} is damaged or not a 3MF file ({error}); export it again",
+                    "{file} is damaged or not a 3MF file. Export it again ({error})",
                     file=main,
                     error=library_message(error),
                 )

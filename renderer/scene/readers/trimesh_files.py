@@ -59,7 +59,7 @@ def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, descriptio
         raise SceneError(
             Sentence(
                 "file-damaged-or-misnamed",
-                "{name} is damaged or not a {format} file ({reason}); export it again",
+                "{name} is damaged or not a {format} file. Export it again ({reason})",
                 name=main,
                 format=suffix,
                 reason=library_message(error),

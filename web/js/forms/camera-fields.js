@@ -16,7 +16,7 @@ import { t } from "../base/words.js";
  * @property {HTMLDetailsElement} lens
  * @property {() => Pick<JobRequest, "camera" | "view">} get
  * @property {() => View} view the complete selected view
- * @property {(view: View) => void} turn to a view of the user's own
+ * @property {(view: View) => void} turn to a view of the user's own, or that of a camera, which is chosen then
  * @property {(camera: string | number) => void} choose a camera of the scene, by its name or number
  * @property {(view: View) => void} move the chosen camera, which stays chosen: its scene has moved
  * @property {(distance: number) => void} focus at this distance along the line of sight
@@ -41,12 +41,17 @@ export function cameraFields({ cameras }, projected, bounds) {
     h("option", { value: OWN_VIEW }, t("Custom view …")),
   );
   const view = viewFields(cameras[0]?.view, projected);
+  /** The cameras' views as the fields have them, by number, of those that were chosen. */
+  const chosenViews = new Map([[0, JSON.stringify(view.get())]]);
   const show = () => (view.place.hidden = camera.value !== OWN_VIEW);
   camera.addEventListener("change", () => {
     show();
     if (!view.place.hidden) view.place.open = true; // chosen here, it is typed; a turned view seldom is
     const chosen = cameras[Number(camera.value)]; // undefined for a custom view
-    if (chosen) view.set(chosen.view); // the starting point of a custom view
+    if (chosen) {
+      view.set(chosen.view); // the starting point of a custom view
+      chosenViews.set(Number(camera.value), JSON.stringify(view.get()));
+    }
     if (!camera.value.startsWith(OF_SIDE)) return;
     const [corners, up] = [bounds(), cameras.at(-1)?.view.up];
     const side = corners && up && sideView(camera.value.slice(OF_SIDE.length), corners, up);
@@ -59,7 +64,9 @@ export function cameraFields({ cameras }, projected, bounds) {
     get: () => (camera.value === OWN_VIEW || camera.value.startsWith(OF_SIDE) || view.isChanged() ? { view: view.get() } : { camera: asked(cameras, Number(camera.value)) }),
     view: view.get,
     turn(to) {
-      camera.value = OWN_VIEW;
+      const text = JSON.stringify(to);
+      const number = cameras.findIndex(({ view: own }, i) => text === JSON.stringify(own) || text === chosenViews.get(i));
+      camera.value = number < 0 ? OWN_VIEW : String(number);
       view.set(to);
       show();
     },

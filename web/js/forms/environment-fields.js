@@ -148,12 +148,14 @@ export function environmentFields(first, isLightless) {
   function pick(id) {
     kind = id;
     choices.select(id);
-    note.hidden = !isLightless || id !== "own";
     const light = lights().find((each) => each.id === id);
     setText(hint, light?.help || light?.label || "");
     remove.hidden = environments.value?.find((each) => each.id === id)?.kind !== "image";
     setShown(colourField, id === "color");
-    setShown(sky, id === "sky" || Boolean(environmentOf(id)?.sky));
+    const isSky = id === "sky" || Boolean(environmentOf(id)?.sky);
+    setShown(sky, isSky);
+    note.hidden = !isLightless || isSky || id === "color";
+    note.classList.toggle("unseen", id !== "own"); // it keeps its place, so that nothing below it moves
   }
   /** Dispatches events that update other parts of the form. @param {boolean} isDone */
   function tell(isDone) {

@@ -17,6 +17,7 @@ import { CLEAR_SPP, Cover, SHARP_SPP, projectionOf } from "./cover.js";
 import { darknessNotice } from "./darkness-notice.js";
 import { denoiseView } from "./denoise-view.js";
 import { exposureHand } from "./exposure-hand.js";
+import { frameHand } from "./frame-hand.js";
 import { startOfTake } from "./form-start.js";
 import { takeMesh } from "./mesh-relay.js";
 import { mayBeInView } from "./in-view.js";
@@ -32,6 +33,7 @@ import { sizeFor, viewRequest } from "./view-request.js";
 import { viewStage } from "./view-stage.js";
 
 /** @typedef {import("../base/types.js").View} View */
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("./cover.js").Requested} Requested */
 
@@ -148,6 +150,14 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     { surface, canvas, picture, mesh, view: form.view, laid: () => foresee(), willBeDenoised: () => denoise.isOn() && form.request().background !== "transparent" }, // the denoiser makes no alpha
   );
   const hand = exposureHand(() => film.film);
+  const aspect = () => (request().width ?? 1) / (request().height ?? 1);
+  /** Returns the scene's bounds; null where it is not shown as uploaded, of which they are. @returns {[Vec3, Vec3] | null} */
+  const bounds = () => {
+    const { frame, up, variant } = request();
+    const [low, high] = /** @type {Vec3[]} */ (scene.bounds ?? []);
+    return !low || !high || frame || up || variant != null ? null : [low, high];
+  };
+  const framing = frameHand(scene, { view: form.view, aspect, bounds, turn: (view) => turn(view) });
   const dark = darknessNotice({
     film: () => film.film,
     look: hand.look,
@@ -155,14 +165,12 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     pick: (at) => link.send({ pick: at }),
     isPicking: () => hands.isPicking(),
     mayShow() {
-      const { width = 1, height = 1, frame, up, variant } = request();
-      const [low, high] = scene.bounds ?? [];
-      if (!low || !high || cover.isChanged || frame || up || variant != null) return true; // the bounds are of the scene as uploaded
-      return mayBeInView(form.view(), width / height, /** @type {import("../base/types.js").Vec3} */ (low), /** @type {import("../base/types.js").Vec3} */ (high));
+      const box = bounds();
+      return !box || cover.isChanged || mayBeInView(form.view(), aspect(), ...box);
     },
     brighten: hand.exposeAuto,
     light: () => (form.light.choose("studio"), hand.expose(0)),
-    reframe: () => turn(scene.cameras.at(-1)?.view ?? form.view()), // the automatic camera is the last one
+    reframe: () => framing.frame(),
   });
 
   const foresee = () => {
@@ -289,6 +297,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     }
     cover.follow();
     foresee();
+    framing.update();
     others.changed();
     saved.changed();
     hands.update();
@@ -339,7 +348,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   });
   const toolBar = h("div", { class: "view-tool-bar" }, hands.buttons, saved.save);
   const looks = h("div", { class: "view-looks" }, hand.element, viewMore(frame, clear.element, denoise.element, hand.curve));
-  const pills = h("div", { class: "view-pills" }, state, hands.hint, dark.element, meanwhile.steps.isOpen && meanwhile.steps.element);
+  const pills = h("div", { class: "view-pills" }, state, framing.element, hands.hint, dark.element, meanwhile.steps.isOpen && meanwhile.steps.element);
   const stage = viewStage({
     ...{ scene: scene.id, sides, live: film, look: hand.look, names },
     changed(now) {
@@ -387,7 +396,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       keepClear();
       removeEventListener("pagehide", keepClear);
       resizing.disconnect();
-      for (const each of [dark, stage, hands, others, denoise, saved]) each.dispose();
+      for (const each of [dark, stage, framing, hands, others, denoise, saved]) each.dispose();
       endPart();
       link.close();
       cover.dispose();

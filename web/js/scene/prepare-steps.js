@@ -35,7 +35,7 @@ function reasonOf(seconds) {
 }
 
 /** @param {number} seconds so far */
-const compileWords = (seconds) => (seconds < COMPILED_S ? t("first time, about 40 s") : t("first time, on a busy machine"));
+const compileWords = (seconds) => (seconds < COMPILED_S ? t("first time, about half a minute") : t("first time, on a busy machine"));
 
 /** Times of the steps of one preparation, as the page hears of them. */
 export class StepTimes {

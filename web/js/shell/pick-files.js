@@ -2,7 +2,7 @@
 
 import { h } from "../base/dom.js";
 import { filesOfList, notUploadedTitle } from "./gather-files.js";
-import { showError } from "./tray.js";
+import { clearUploadNotices, showError } from "./tray.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
@@ -12,6 +12,7 @@ import { t } from "../base/words.js";
  * @param {(files: NamedFile[]) => Promise<void>} take
  */
 export async function gatherAndSend(gather, take) {
+  clearUploadNotices();
   let files;
   try {
     files = await gather();

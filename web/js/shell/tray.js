@@ -1,11 +1,28 @@
-/** The tray at the lower right: uploads in progress, errors, and actions that can be undone. */
+/**
+ * The tray at the lower edge: errors, and actions that can be undone; and the place of uploads: their progress, errors and questions,
+ * in the front page's drop area, or over the view of a scene (css/shell.css).
+ */
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
+import { addShortcuts } from "./shortcuts.js";
 
 const tray = /** @type {HTMLElement} */ (document.getElementById("tray"));
 const announcer = /** @type {HTMLElement} */ (document.getElementById("announcer"));
+const uploadPlace = /** @type {HTMLElement} */ (document.getElementById("upload-place"));
+
+/**
+ * Shows uploads in an element of the open view.
+ *
+ * @param {HTMLElement} element
+ * @returns {() => void} ends it
+ */
+export function placeUploads(element) {
+  const next = uploadPlace.nextElementSibling;
+  element.append(uploadPlace);
+  return () => document.body.insertBefore(uploadPlace, next);
+}
 
 /**
  * Announces a sentence to screen readers only.
@@ -17,10 +34,10 @@ export function announce(sentence) {
   requestAnimationFrame(() => (announcer.textContent = sentence));
 }
 
-/** A card in the tray. */
+/** A card in the tray, or in the place of uploads. */
 export class Card {
-  /** @param {string} title */
-  constructor(title) {
+  /** @param {string} title @param {{ofUpload?: boolean}} [place] */
+  constructor(title, { ofUpload = false } = {}) {
     this.title = h("span", { class: "title", title }, title);
     /** Replaces an icon. */
     this.lead = h("span", { hidden: true });
@@ -32,7 +49,7 @@ export class Card {
       h("header", null, this.lead, this.title, this.actions),
       this.body,
     );
-    tray.append(this.element);
+    (ofUpload ? uploadPlace : tray).append(this.element);
   }
 
   /** @param {() => void} run */
@@ -54,21 +71,42 @@ export class Card {
 const MOST_ERRORS = 3;
 const BRIEF_S = 6;
 
-/** @typedef {{key: string, card: Card, times: number, ofPage: boolean, ofUpload: boolean}} Entry */
+/** @typedef {{key: string, card: Card, times: number, ofPage: boolean, close: () => void}} Entry */
 
 /** The errors shown, oldest first. @type {Entry[]} */
 const errors = [];
 
-/** @param {Entry | undefined} entry */
+/** @param {Entry} entry */
 function dismiss(entry) {
-  if (!entry || !errors.includes(entry)) return;
+  if (!errors.includes(entry)) return;
   errors.splice(errors.indexOf(entry), 1);
   entry.card.remove();
 }
 
 /** Removes the errors of the page that was left. */
 export function clearPageErrors() {
-  for (const entry of errors.filter(({ ofPage }) => ofPage)) dismiss(entry);
+  for (const { close } of errors.filter(({ ofPage }) => ofPage)) close();
+  clearUploadNotices();
+}
+
+/** Notices about an upload that are shown, oldest first. @type {Set<() => void>} */
+const uploadNotices = new Set();
+
+/** Removes what is said about earlier uploads; those in progress stay. */
+export function clearUploadNotices() {
+  for (const close of [...uploadNotices]) close();
+}
+
+/** Lets Escape, the next upload and another page close a notice about an upload. @param {() => void} close @returns {() => void} closes it */
+function closable(close) {
+  const end = () => {
+    uploadNotices.delete(end);
+    endKey();
+    close();
+  };
+  const endKey = addShortcuts([{ keys: "Escape", shown: null, does: t("Dismiss"), run: end }]);
+  uploadNotices.add(end);
+  return end;
 }
 
 /**
@@ -77,7 +115,7 @@ export function clearPageErrors() {
  * @param {string} title
  * @param {unknown} error
  * @param {{remedy?: string, action?: {label: string, run: () => void}, ofPage?: boolean, brief?: boolean, ofUpload?: boolean}} [help] what to do
- *   about it. ofPage: it means nothing on other pages. brief: it goes away by itself. ofUpload: it replaces that of an earlier upload
+ *   about it. ofPage: it means nothing on other pages. brief: it goes away by itself. ofUpload: in the place of uploads, until the next one
  */
 export function showError(title, error, { remedy, action, ofPage = false, brief = false, ofUpload = false } = {}) {
   const sentence = error instanceof Error ? error.message : String(error);
@@ -88,26 +126,27 @@ export function showError(title, error, { remedy, action, ofPage = false, brief 
     same.card.title.textContent = t("{title} ({times} times)", { title, times: same.times });
     return;
   }
-  const card = new Card(title);
-  const entry = { key, card, times: 1, ofPage, ofUpload };
-  for (const other of ofUpload ? errors.filter((each) => each.ofUpload) : []) dismiss(other);
+  if (ofUpload) clearUploadNotices();
+  const card = new Card(title, { ofUpload });
+  const entry = { key, card, times: 1, ofPage, close: () => dismiss(entry) };
+  const close = (entry.close = ofUpload ? closable(entry.close) : entry.close);
   errors.push(entry);
-  if (errors.length > MOST_ERRORS) dismiss(errors[0]);
-  if (brief) setTimeout(() => dismiss(entry), BRIEF_S * 1000);
+  if (errors.length > MOST_ERRORS) errors[0]?.close();
+  if (brief) setTimeout(close, BRIEF_S * 1000);
   card.element.className = "error";
   card.element.setAttribute("role", "alert");
   card.lead.replaceWith(icon("warning"));
   fill(card.body, h("p", { class: "detail" }, sentence), remedy && h("p", { class: "detail" }, remedy));
   if (action) {
     const act = () => {
-      dismiss(entry);
+      close();
       action.run();
     };
     card.body.append(
       h("p", { class: "detail" }, h("button", { class: "text-button", type: "button", onclick: act }, action.label)),
     );
   }
-  card.onClose(() => dismiss(entry));
+  card.onClose(close);
 }
 
 /**
@@ -118,10 +157,28 @@ export function showError(title, error, { remedy, action, ofPage = false, brief 
  */
 export function showActionNotice(sentence, ...actions) {
   const card = new Card(sentence);
+  offer(card, () => card.remove(), sentence, actions);
+}
+
+/**
+ * A notice about what was dropped, with what can be done with it.
+ *
+ * @param {string} sentence
+ * @param {{label: string, run: () => void}[]} actions
+ */
+export function showUploadNotice(sentence, ...actions) {
+  clearUploadNotices();
+  const card = new Card(sentence, { ofUpload: true });
+  card.lead.replaceWith(icon("image"));
+  offer(card, closable(() => card.remove()), sentence, actions);
+}
+
+/** @param {Card} card @param {() => void} close @param {string} sentence @param {{label: string, run: () => void}[]} actions */
+function offer(card, close, sentence, actions) {
   announce(sentence);
-  card.onClose(() => card.remove());
+  card.onClose(close);
   const follow = (/** @type {() => void} */ run) => {
-    card.remove();
+    close();
     run();
   };
   const buttons = actions.map(({ label, run }) => h("button", { class: "text-button", type: "button", onclick: () => follow(run) }, label));

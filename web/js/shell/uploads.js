@@ -13,7 +13,7 @@ import { addEnvironment } from "../news/environments.js";
 import { said } from "../base/said.js";
 import { pick } from "./pick-files.js";
 import { go, here } from "./router.js";
-import { Card, announce, showActionNotice, showError } from "./tray.js";
+import { Card, announce, showActionNotice, showError, showUploadNotice } from "./tray.js";
 import { Pace } from "./upload-pace.js";
 import { keepLocal, prepareReader, readLocally } from "../news/local-mesh.js";
 import { upload } from "../news/upload.js";
@@ -104,7 +104,7 @@ async function withProgressCard(title, asked) {
   /** @type {Card | null} */
   let card = null;
   const soon = setTimeout(() => {
-    card = new Card(title);
+    card = new Card(title, { ofUpload: true });
     card.lead.replaceWith(icon("upload"));
     fill(card.body, h("p", { class: "detail" }, t("Begins as soon as the service answers …")));
   }, ANSWER_MS);
@@ -192,7 +192,7 @@ const AGAIN = Symbol("again");
 async function sendOnce(files, fields, arrival) {
   const title = titleOf(files);
   const total = files.reduce((sum, { file }) => sum + file.size, 0);
-  const card = new Card(title);
+  const card = new Card(title, { ofUpload: true });
   const abort = new AbortController();
   const bar = h("div");
   const track = h(
@@ -246,16 +246,24 @@ async function sendOnce(files, fields, arrival) {
     abort.abort(); // its preview too
     arrival?.end(); // until it is tried again, if it is
     const heading = notUploadedTitle(files);
-    // Error responses of the service name the remedy.
     if (error instanceof ApiError && error.status === 0)
       return new Promise((resolve) => showError(heading, error, { ofUpload: true, action: { label: t("Try again"), run: () => resolve(AGAIN) } }));
-    showError(heading, error, { ofUpload: true, action: again });
+    refuse(heading, error);
     return null;
   } finally {
     clearTimeout(stalling);
     setUnderWay(-1);
     card.remove();
   }
+}
+
+/** The fault of a file, and what to do about it, as the service's messages have them. */
+const FAULT_AND_REMEDY = /^(.{12,}?)(?:\. |。)(\S.*)$/s;
+
+/** Shows why the service refuses an upload. @param {string} heading where the message is a single sentence @param {unknown} error */
+function refuse(heading, error) {
+  const [, fault = heading, remedy = error] = FAULT_AND_REMEDY.exec(error instanceof Error ? error.message : "") ?? [];
+  showError(fault, remedy, { ofUpload: true, action: again });
 }
 
 /** @param {number} sent @param {number} all @param {Pace["now"]} pace */
@@ -285,7 +293,7 @@ function explainImages(files) {
     const abort = new AbortController();
     addEnvironment(file, { progress: () => {}, signal: abort.signal }).then(
       () => announce(t("{name} is now among the lights of every scene", { name })),
-      (error) => showError(t("{name} was not taken", { name }), error),
+      (error) => refuse(t("{name} was not taken", { name }), error),
     );
   };
   const scene = scenes.value?.find(({ status }) => status === "ready");
@@ -298,7 +306,7 @@ function explainImages(files) {
     lighting.push({ label: t("Light “{scene}” with it", { scene: scene.name }), run: light });
   }
   if (isLight) {
-    showActionNotice(t("{name} can light a scene: open one, and drop it there.", { name }), ...lighting, { label: t("Add it to the lights"), run: keep });
+    showUploadNotice(t("{name} can light a scene: open one, and drop it there.", { name }), ...lighting, { label: t("Add it to the lights"), run: keep });
     return;
   }
   showError(

@@ -17,7 +17,7 @@ import { mayChange } from "../news/projects.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { Disposer } from "../base/store.js";
 import { addShortcuts } from "../shell/shortcuts.js";
-import { showError } from "../shell/tray.js";
+import { placeUploads, showError } from "../shell/tray.js";
 import { jobRow } from "./job-row.js";
 import { sceneGrid } from "./scene-grid.js";
 import { t } from "../base/words.js";
@@ -30,12 +30,16 @@ const NEWS_MS = 300;
 /** The most impressive examples come first; the others are sorted by name. */
 const FIRST_EXAMPLES = ["still-life", "caterpillar", "christmas", "spheres", "cornell-box"];
 
+/** The examples that were shown last. @type {{examples: Example[], comparisons: Awaited<ReturnType<typeof getComparisons>>} | null} */
+let shown = null;
+
 /** @returns {{element: HTMLElement, dispose: () => void}} */
 export function homeView() {
   setTitle();
   const life = new Disposer();
   const notice = h("div", { class: "notice-slot" });
   const zone = dropZone();
+  life.add(placeUploads(zone));
   const nothing = emptyPage("image", t("There is nothing to look at yet"), t("What others upload and render appears here, as far as you may see it."));
   nothing.hidden = true;
   const grid = sceneGrid();
@@ -70,11 +74,12 @@ export function homeView() {
     const seenJobs = (jobs.value ?? [])
       .filter((job) => !hidden.value.has(job.id))
       .slice(0, RECENT_JOBS);
-    grid.put(seenScenes, arriving.value);
+    const several = arriving.value.length > 1 ? arriving.value : []; // the drop area shows a single upload
+    grid.put(seenScenes, several);
     showJobs(seenJobs);
     zone.classList.toggle("compact", seenScenes.length > 0);
     nothing.hidden = mayChange(chosenProject()) || seenScenes.length + seenJobs.length > 0 || scenes.value === null;
-    sceneSection.hidden = seenScenes.length + arriving.value.length === 0;
+    sceneSection.hidden = seenScenes.length + several.length === 0;
     jobSection.hidden = seenJobs.length === 0;
   };
   /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -113,14 +118,23 @@ export function homeView() {
     refresh();
   };
   listed.then(illustrate, () => {}); // the section of the examples stays hidden
+  const present = () => {
+    if (!shown) return;
+    const { examples, comparisons } = shown;
+    const all = inOrder(examples);
+    fill(exampleGrid, all.map(exampleCard));
+    const pairs = all.flatMap((example) => (comparisons[example.name] ?? []).map((comparison) => comparisonItem(example, comparison)));
+    fill(comparisonList, pairs);
+    exampleSection.hidden = examples.length === 0;
+    comparisonSection.hidden = pairs.length === 0;
+  };
+  present(); // as before, so that the page has its length and place at once
   Promise.all([listed, getComparisons(), told]).then(
     ([examples, comparisons]) => {
-      const all = inOrder(examples);
-      fill(exampleGrid, all.map(exampleCard));
-      const pairs = all.flatMap((example) => (comparisons[example.name] ?? []).map((comparison) => comparisonItem(example, comparison)));
-      fill(comparisonList, pairs);
-      exampleSection.hidden = examples.length === 0;
-      comparisonSection.hidden = pairs.length === 0;
+      const found = { examples, comparisons };
+      if (JSON.stringify(found) === JSON.stringify(shown)) return;
+      shown = found;
+      present();
     },
     () => {}, // a service without examples: the section stays hidden
   );

@@ -53,7 +53,7 @@ export function sceneGrid() {
     show([...coming, ...shown]);
     search.hidden = all.length < SEARCHED && !search.value;
     rest.hidden = shown.length === found.length;
-    none.hidden = found.length > 0 || all.length === 0;
+    none.hidden = found.length > 0 || sought.length === 0;
     setText(none, t("No scene has that name."));
     return found.length;
   };

@@ -9,6 +9,7 @@ import { bytes, count, extent } from "../base/format.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { go, here, linkTo, setParams, setTitle } from "../shell/router.js";
+import { returnToPlace } from "../shell/scroll-memory.js";
 import { sideEdge } from "../shell/layouts.js";
 import { offer } from "../news/projects.js";
 import { failedScene } from "../scene/failed-scene.js";
@@ -103,7 +104,7 @@ function heading(scene) {
   return h(
     "header",
     { class: "scene-head" },
-    h("a", { class: "icon-button", href: linkTo(), "aria-label": t("All scenes"), title: t("All scenes") }, icon("back")),
+    h("a", { class: "icon-button", href: linkTo(), "aria-label": t("All scenes"), title: t("All scenes"), onclick: returnToPlace }, icon("back")),
     h("h1", { title: scene.name }, scene.name),
     h(
       "button",
@@ -334,8 +335,9 @@ function viewOf(scene, form, sides, life, steps) {
       timer = undefined;
       // An address that changed meanwhile wins; its `hashchange` event may still be queued behind this timer.
       if (here().path.join() !== path || here().params.get("view") !== written) return;
-      const { view } = form.request();
-      written = view ? viewToText(view) : null;
+      const { view, camera } = form.request();
+      const isFirst = camera === undefined || camera === 0 || camera === scene.cameras[0]?.name;
+      written = view || !isFirst ? viewToText(view ?? form.view()) : null;
       setParams({ view: written });
     }, 400);
   };

@@ -267,7 +267,7 @@ def import_file(data: bytes, name: str) -> Imported:
         raise SceneError(
             Sentence(
                 "file-damaged-or-misnamed",
-                "{name} is damaged or not a {format} file ({reason}); export it again",
+                "{name} is damaged or not a {format} file. Export it again ({reason})",
                 name=name,
                 format=Path(name).suffix,
                 reason=reason[0][:160],

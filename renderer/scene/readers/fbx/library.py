@@ -211,7 +211,7 @@ def _raise_error(error: Any, name: str) -> Any:
     raise SceneError(
         Sentence(
             "fbx-file-damaged",
-            "{name} is damaged or not an FBX file ({error}); export it again",
+            "{name} is damaged or not an FBX file. Export it again ({error})",
             name=name,
             error=message_of(error),
         )

@@ -343,7 +343,7 @@ def _parse_json(data: bytes, file: str) -> Json:
         raise SceneError(
             Sentence(
                 "gltf-json-damaged",
-                "{file} is damaged or not a glTF file ({error}); export it again",
+                "{file} is damaged or not a glTF file. Export it again ({error})",
                 file=file,
                 error=library_message(error),
             )

@@ -245,7 +245,7 @@ class _Opener:
             raise SceneError(
                 Sentence(
                     "usd-layer-unreadable",
-                    "{name} is damaged or not a USD layer ({error}); export it again",
+                    "{name} is damaged or not a USD layer. Export it again ({error})",
                     name=name,
                     error=_error_text(error, path),
                 )

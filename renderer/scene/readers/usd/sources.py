@@ -136,7 +136,7 @@ class Sources:
                 raise SceneError(
                     Sentence(
                         "usd-package-damaged",
-                        "{package}: is not a valid .usdz package ({error}); package it again",
+                        "{package}: is not a valid .usdz package. Package it again ({error})",
                         package=outer,
                         error=library_message(error),
                     )
