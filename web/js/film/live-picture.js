@@ -57,7 +57,8 @@ export function livePicture(job, display, life, changed, frame) {
   const poster = posterOf(job, live.frame, display.value);
   const isClean = job.denoise || display.value.denoise !== "off"; // without a preview the small one stays
   const isSmall = (job.width ?? 0) <= POSTER_WIDTH;
-  stage.view?.setPoster(live.clean || (poster?.near ?? null), isClean && !live.clean && !isSmall ? poster?.clean : "");
+  stage.view?.setPoster(live.clean || (poster?.near ?? null), isClean && !live.clean && !live.look && !isSmall ? poster?.clean : "");
+  if (stage.view) stage.view.origin = live.place;
   void Promise.race([stage.view?.poster?.loaded, new Promise((resolve) => setTimeout(resolve, POSTER_MS))]).then(isPosterHere);
 
   let latest = job;

@@ -13,9 +13,9 @@ import { Store } from "../base/store.js";
 
 /**
  * The source of a side's pictures: a job's growing film, or another object with the same interface. `job` is "" if there
- * is no job. `isRendering`, `look`, `isAgain`, `hasPoster` and `side` are those of a LiveFilm. `hasSamples` is false for a picture that no farm has rendered. `isTransparent` is true if it has an alpha plane.
+ * is no job. `isRendering`, `look`, `clean`, `isAgain`, `hasPoster` and `side` are those of a LiveFilm. `hasSamples` is false for a picture that no farm has rendered. `isTransparent` is true if it has an alpha plane.
  *
- * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean, isTransparent?: boolean, isRendering?: boolean, look?: Film | null, isAgain?: boolean, hasPoster?: boolean, side?: number}} FilmSource
+ * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean, isTransparent?: boolean, isRendering?: boolean, look?: Film | null, clean?: string, isAgain?: boolean, hasPoster?: boolean, side?: number}} FilmSource
  */
 
 /** Minimum interval between refreshes of a stale picture. */
@@ -23,8 +23,11 @@ const EVERY_MS = 3000;
 const SETTLE_MS = 300;
 /** Interval at which a preview may become due. */
 const PREVIEW_MS = 400;
-/** Samples per pixel from which a preview replaces the live view's picture, even if that has more. */
-const ENOUGH_SAMPLES = 8;
+/**
+ * Samples per pixel of every tile from which a preview replaces the picture that the job began with: with fewer, denoising smears and
+ * frays. After START_MS with samples everywhere, a preview of fewer does; it shows the scene's light as the job renders it.
+ */
+const [ENOUGH_SAMPLES, FEW_SAMPLES, START_MS] = [16, 4, 8000];
 /** Time, in milliseconds, after which a finished picture is shown with its noise, if the denoised one has not come. */
 const NOISE_AFTER_MS = 5000;
 
@@ -68,6 +71,8 @@ export class PictureSide {
     this.isPreview = false;
     /** When the next preview may be asked for. */
     this.previewAt = 0;
+    /** When every tile had samples first. @type {number | undefined} */
+    this.coveredAt = undefined;
     this.timer = setInterval(() => this.isOld() && void this.fetch(), EVERY_MS);
     this.previewTimer = setInterval(() => this.lookAgain(), PREVIEW_MS);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -115,21 +120,25 @@ export class PictureSide {
     return this.isPreview || this.madeOf === Infinity || (stale && this.live.finished);
   }
 
-  /** Whether a preview is to be fetched: of every tile, better than what is shown, and while the page is seen. */
+  /** Whether a preview is to be fetched: of every tile, better than what is shown (also than the picture that the job began with), and while the page is seen. */
   isPreviewDue() {
     const { channel, waiting, error } = this.state.value;
-    const { film, look, isAgain, side = 0, isRendering } = this.live;
+    const { film, look, clean, isAgain, side = 0, isRendering } = this.live;
     if (channel !== DENOISED || !isRendering || waiting || error || document.hidden || performance.now() < this.previewAt) return false;
     if (this.madeOf !== Infinity) return film.total >= 2 * this.madeOf;
-    const enough = look ? Math.min(look.total, isAgain ? Infinity : ENOUGH_SAMPLES * film.width * film.height) : 0;
-    return side > 0 && film.total >= enough && film.tileSamples(side).every((samples) => samples > 0);
+    const least = side > 0 ? Math.min(...film.tileSamples(side)) : 0;
+    if (least === 0) return false;
+    this.coveredAt ??= performance.now();
+    if (isAgain && look) return film.total >= look.total;
+    if (!look && !clean) return true;
+    return least >= ENOUGH_SAMPLES || (least >= FEW_SAMPLES && performance.now() - this.coveredAt > START_MS);
   }
 
   /** Fetches a denoised picture that is due; until the first has come, shows the film once it has less noise than the live view's picture. */
   lookAgain() {
     const { film, look } = this.live;
     if (look && this.layer.film === look && this.awaitsDenoised() && perPixel(film) > perPixel(look)) {
-      this.layer.setFilm(film);
+      this.layer.setFilm(film, { fades: true });
       this.state.update((state) => ({ ...state }));
     }
     const { isPreview, isLast } = this.state.value;
@@ -150,6 +159,20 @@ export class PictureSide {
   /** Whether the picture of an earlier job is shown. */
   showsEarlier() {
     return this.live.isAgain === true && this.layer.film === this.live.look;
+  }
+
+  /** Whether the picture that the job began with is shown: that of the live view or of its preview mesh. */
+  showsStart() {
+    const { look, clean } = this.live;
+    if (this.state.value.channel !== DENOISED || this.fetched) return false;
+    return look ? this.layer.film === look : Boolean(clean) && this.layer.film?.isBlank === true;
+  }
+
+  /** Samples per pixel of the denoised picture that is shown while the job renders; null for other pictures. */
+  previewSpp() {
+    const { film, isRendering } = this.live;
+    if (this.state.value.channel !== DENOISED || !this.fetched || !isRendering || !Number.isFinite(this.madeOf)) return null;
+    return Math.max(1, Math.floor(this.madeOf / (film.width * film.height)));
   }
 
   /** Leaves a picture's poster, whose noise is not visible, in the place of a film that is not here yet, until it is denoised. */
@@ -257,7 +280,7 @@ export class PictureSide {
         this.previewAt = performance.now() + (samples === this.madeOf ? EVERY_MS : 0); // the farm made no other yet
         this.madeOf = samples;
         this.fetched = new Film(width, height, words);
-        this.layer.setFilm(this.fetched);
+        this.layer.setFilm(this.fetched, { fades: channel === DENOISED });
       } else {
         const { image, samples, span } = await fetchImage(this.live, { aov: channel }, signal);
         if (signal.aborted) return image.close();

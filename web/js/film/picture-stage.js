@@ -10,7 +10,8 @@ import { PixelReadout } from "./pixel-readout.js";
 import { rememberPlace } from "./view-place.js";
 import { wipeDivider } from "./wipe.js";
 import { zoomControls } from "./zoom-controls.js";
-import { t } from "../base/words.js";
+import { count } from "../base/format.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("./picture-side.js").FilmSource} FilmSource */
 
@@ -103,9 +104,14 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
     for (const i of /** @type {const} */ ([0, 1])) {
       const side = parts[i]?.side;
       const { channel = "", waiting = false, isImproved = false } = side?.state.value ?? {};
-      const name = (i ? right : left)?.name ?? channelOf(channel).label;
+      const given = (i ? right : left)?.name;
+      const name = given ?? channelOf(channel).label;
       const tag = /** @type {HTMLElement} */ (tags[i]);
+      const spp = side?.previewSpp() ?? null;
       if (side?.showsEarlier()) setText(tag, t("Earlier picture, until this one is as clear"));
+      else if (side?.showsStart()) setText(tag, t("Preview"));
+      else if (side?.awaitsDenoised() && !given) setText(tag, t("Raw"));
+      else if (spp !== null && !given) setText(tag, tn(spp, "{name}, {n} sample", "{name}, {n} samples", { name, n: count(spp) }));
       else setText(tag, `${name}${(waiting && !isImproved) || side?.awaitsDenoised() ? " …" : ""}`);
       tag.hidden = !seen[i] || (!both && channel === "");
       tag.classList.toggle("alone", !both);

@@ -6,6 +6,7 @@
 
 import { h } from "../base/dom.js";
 import { showImage } from "../news/images.js";
+import { takePrepared } from "./first-look.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("./viewport.js").Viewport} Viewport */
@@ -17,6 +18,11 @@ export class Poster {
     /** Resolves when the image is shown, or cannot be. @type {Promise<void>} */
     this.loaded = Promise.resolve();
     if (!url) return;
+    const known = takePrepared(url);
+    if (known) {
+      this.element.append(known);
+      return;
+    }
     const image = h("img", { alt: "", decoding: "sync", fetchpriority: "high" });
     const word = h("p", { class: "small quiet" }, t("Loading the picture …"));
     this.element.classList.add("loading");
