@@ -37,6 +37,12 @@ def test_job_opens_with_the_look_it_was_ordered_with(farm: Farm, watched: Watche
     expect(page).to_have_url(re.compile(r"ev=0\b"))
     page.reload()
     expect(exposure).to_have_value("0")
+    page.keyboard.press("Control+k")
+    page.keyboard.type("Layout: Default")
+    page.keyboard.press("Enter")
+    expect(exposure).to_have_value("1.5")
+    page.goto(f"{farm.url}/#/scenes/{scene}?like={job}")
+    expect(page.get_by_role("slider", name="Exposure in stops")).to_have_value("1.5")
     page.goto(f"{farm.url}/#/compare/{job}/{job}")
     expect(exposure).to_have_value("1.5")
     assert watched.errors == []

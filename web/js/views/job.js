@@ -11,6 +11,7 @@ import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
 import { addPart, sideEdge } from "../shell/layouts.js";
 import { isCurve } from "../film/curves.js";
+import { jobLook } from "../film/job-look.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { channels } from "../film/channels.js";
 import { offer } from "../news/projects.js";
@@ -179,8 +180,10 @@ function open(page, job, life) {
   life.add(
     addPart("display", {
       get: () => ({ exposure: display.value.exposure, curve: display.value.curve, channel: display.value.channel }),
-      set: ({ exposure = 0, curve = "", channel = "" }) =>
-        display.update((now) => ({ ...now, exposure: clampExposure(Number(exposure) || 0), curve: isCurve(curve) ? curve : DEFAULT_CURVE, channel: channels(job.settings).some(({ name }) => name === channel) ? channel : "" })),
+      set({ exposure = 0, curve = "", channel = "" }) {
+        const look = exposure === null ? jobLook(job) : { exposure: Number(exposure) || 0, curve: isCurve(curve) ? curve : DEFAULT_CURVE };
+        display.update((now) => ({ ...now, exposure: clampExposure(look.exposure), curve: look.curve, channel: channels(job.settings).some(({ name }) => name === channel) ? channel : "" }));
+      },
     }),
   );
   const side = [

@@ -21,8 +21,8 @@ import { addShortcuts } from "../shell/shortcuts.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
-import { clampExposure } from "../job/display-panel.js";
-import { lookOfJob } from "../film/job-look.js";
+import { clampExposure, lookFromUrl } from "../job/display-panel.js";
+import { jobLook, lookOfJob } from "../film/job-look.js";
 import { PREPARING } from "../scene/clarity.js";
 import { beginView } from "../scene/mesh-relay.js";
 import { liveView } from "../scene/live-view.js";
@@ -273,6 +273,7 @@ function ready(page, scene, life, steps) {
   const sides = sidesFromUrl(life);
   if (steps.isOpen) life.every(200, () => steps.isOpen && steps.render());
   const view = viewOf(scene, form, sides, life, steps);
+  if (like) view.setLook(lookFromUrl(here().params, jobLook(like)));
   const side = h(
     "div",
     { class: "workspace-side" },
