@@ -8,7 +8,7 @@ import { FilmCanvas } from "./film-canvas.js";
 import { highRangeOn } from "./high-range.js";
 import { panAndZoom } from "./pan-zoom.js";
 import { PixelOverlay } from "./pixel-overlay.js";
-import { Poster } from "./poster.js";
+import { Poster, placeOver } from "./poster.js";
 import { Viewport } from "./viewport.js";
 import { t } from "../base/words.js";
 
@@ -36,7 +36,8 @@ export class FilmView {
     this.viewport = new Viewport();
     const canvas = h("canvas", { class: "film", role: "img", "aria-label": t("The picture") });
     const overlay = h("canvas", { class: "over", "aria-hidden": "true" });
-    this.element = h("div", { class: "stage" }, canvas, overlay);
+    this.edge = h("div", { class: "edge", "aria-hidden": "true", hidden: true });
+    this.element = h("div", { class: "stage" }, canvas, this.edge, overlay);
     this.size = { width, height };
     this.over = new PixelOverlay(overlay, this.viewport, { width, height }, (cx) => this.filmAt(cx));
     this.canvas = new FilmCanvas(canvas, overlay, this.viewport);
@@ -55,6 +56,8 @@ export class FilmView {
     this.canvas.afterDraw = () => {
       this.over.draw();
       this.placePoster();
+      this.edge.hidden = this.canvas.sideBySide || !canvas.style.width;
+      placeOver(this.edge, this.viewport, canvas);
       this.glide();
       // The picture's position, for tests that compare screenshots with films.
       const { scale, x, y } = this.viewport;

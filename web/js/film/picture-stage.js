@@ -103,16 +103,16 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
     const both = seen.every(Boolean);
     for (const i of /** @type {const} */ ([0, 1])) {
       const side = parts[i]?.side;
-      const { channel = "", waiting = false, isImproved = false } = side?.state.value ?? {};
+      const { channel = "", waiting = false, isImproved = false, isPreview = false } = side?.state.value ?? {};
       const given = (i ? right : left)?.name;
       const name = given ?? channelOf(channel).label;
       const tag = /** @type {HTMLElement} */ (tags[i]);
       const spp = side?.previewSpp() ?? null;
       if (side?.showsEarlier()) setText(tag, t("Earlier picture, until this one is as clear"));
       else if (side?.showsStart()) setText(tag, t("Preview"));
-      else if (side?.awaitsDenoised() && !given) setText(tag, t("Raw"));
+      else if (side?.awaitsDenoised() && !given) setText(tag, waiting ? t("Denoising …") : t("Raw"));
       else if (spp !== null && !given) setText(tag, tn(spp, "{name}, {n} sample", "{name}, {n} samples", { name, n: count(spp) }));
-      else setText(tag, `${name}${(waiting && !isImproved) || side?.awaitsDenoised() ? " …" : ""}`);
+      else setText(tag, `${name}${(waiting && !isImproved) || isPreview || side?.awaitsDenoised() ? " …" : ""}`);
       tag.hidden = !seen[i] || (!both && channel === "");
       tag.classList.toggle("alone", !both);
       parts[i]?.readout.setName(both ? name : "");

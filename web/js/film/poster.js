@@ -44,12 +44,16 @@ export class Poster {
   }
 
   /** @param {Viewport} viewport @param {HTMLCanvasElement} canvas in front of the poster */
-  place({ x, y, scale, picture }, canvas) {
-    const ratio = devicePixelRatio;
-    const { style } = this.element;
-    style.left = `${parseFloat(canvas.style.left || "0") + x / ratio}px`;
-    style.top = `${parseFloat(canvas.style.top || "0") + y / ratio}px`;
-    style.width = `${(picture.width * scale) / ratio}px`;
-    style.height = `${(picture.height * scale) / ratio}px`;
+  place(viewport, canvas) {
+    placeOver(this.element, viewport, canvas);
   }
+}
+
+/** Lays an element where a viewport has the picture. @param {HTMLElement} element @param {Viewport} viewport @param {HTMLCanvasElement} canvas of the picture */
+export function placeOver({ style }, { x, y, scale, picture }, canvas) {
+  const ratio = devicePixelRatio;
+  style.left = `${parseFloat(canvas.style.left || "0") + x / ratio}px`;
+  style.top = `${parseFloat(canvas.style.top || "0") + y / ratio}px`;
+  style.width = `${(picture.width * scale) / ratio}px`;
+  style.height = `${(picture.height * scale) / ratio}px`;
 }

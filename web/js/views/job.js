@@ -112,7 +112,7 @@ function open(page, job, life) {
     const exposure = picture.film.normalisingExposure();
     if (exposure != null) display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
   };
-  const look = displayPanel(display, job.settings, { normalise, denoise: () => picture.renew() });
+  const look = displayPanel(display, job.settings, { normalise, denoise: () => picture.renew(), usual: jobLook(job).exposure });
   const asked = isShot(job) ? askedFrame(job) : undefined;
   const picture = livePicture(job, display, life, ({ left, right }) => (look.updateDenoise(right), look.updateHeat(left)), asked);
   picture.onHands(look.showHands);
@@ -165,7 +165,7 @@ function open(page, job, life) {
     }),
   );
   if (shot) save.element.append(shot.files);
-  life.add(addShortcuts(stageKeys({ view: picture.view, display, normalise, inShot: shot !== null })));
+  life.add(addShortcuts(stageKeys({ view: picture.view, display, normalise, usual: jobLook(job).exposure, inShot: shot !== null })));
   life.add(addShortcuts(save.actions));
   life.add(addShortcuts(jobKeys({ job: () => latest, display, inShot: shot !== null })));
 
@@ -218,7 +218,7 @@ function open(page, job, life) {
   return (next) => {
     save.element.hidden = next.samples === 0;
     unsaved.hidden = next.samples > 0;
-    saveButton.hidden = next.samples === 0 || next.state !== "finished";
+    save.offer(next);
     if (next.state !== latest.state) announce(`${next.name}: ${stateWord(next.state)}`);
     latest = next;
     denoiseFirst();
