@@ -6,7 +6,8 @@ import pytest
 
 from tests.page.node import Node
 
-JOB = {"id": "j", "created": 1, "state": "running", "name": "n", "priority": 0, "progress": 0.5, "message": None, "eta_s": 60, "active_s": 3}
+JOB = {"id": "j", "created": 1, "state": "running", "name": "n", "priority": 0, "progress": 0.5, "message": None}
+JOB |= {"eta_s": 60, "active_s": 3}
 
 
 def test_outdated_job_description_is_ignored(node: Node) -> None:
@@ -48,7 +49,10 @@ def test_remaining_time_is_rounded(node: Node) -> None:
 
 
 def test_remaining_time_rises_seldom_and_little(node: Node) -> None:
-    """A value stays for five seconds before it rises, by a quarter at most, unless the forecast doubles: then the farm has changed."""
+    """A value stays for five seconds before it rises, by a quarter at most.
+
+    If the forecast doubles, the farm has changed, and the value follows.
+    """
     body = """
         const end = new m.SmoothedEnd();
         return a.map(([left, now]) => ((end.end = now + left), end.steady(now)));"""
@@ -64,7 +68,8 @@ def test_remaining_time_is_shown_once_it_is_known(node: Node) -> None:
     assert node.call("news/time-left", body, {**JOB, "progress": 0.04}) == ""
     assert node.call("news/time-left", body, {**JOB, "progress": 0.06}) == "", "of a short job, the first samples say little"
     assert node.call("news/time-left", body, {**JOB, "progress": 0.06, "active_s": 25}) == "about 60 s"
-    assert node.call("news/time-left", body, {**JOB, "progress": 0.52, "spp": 64, "taken": {"spp": 32}}) == "", "it has done 4 % itself"
+    taken = {**JOB, "progress": 0.52, "spp": 64, "taken": {"spp": 32}}
+    assert node.call("news/time-left", body, taken) == "", "it has done 4 % itself"
     assert node.call("news/time-left", body, {**JOB, "message": "Waits for a worker."}) == ""
     assert node.call("news/time-left", body, {**JOB, "state": "paused"}) == ""
 

@@ -66,6 +66,6 @@ class Costs:
         """Estimates the overhead of a batch, by a straight line through a tile's batch and a smaller one before it."""
         before_s, before = self._latest.get(tile, (seconds, samples))
         if samples >= 2 * before:
-            found = (before_s * samples - seconds * before) / (samples - before)
-            self._overhead_s += (min(max(found, 0.0), before_s) - self._overhead_s) * (OVERHEAD_SMOOTHING if self._overhead_s else 1.0)
+            found = min(max((before_s * samples - seconds * before) / (samples - before), 0.0), before_s)
+            self._overhead_s += (found - self._overhead_s) * (OVERHEAD_SMOOTHING if self._overhead_s else 1.0)
         self._latest[tile] = seconds, samples

@@ -168,6 +168,12 @@ export class PictureSide {
     return look ? this.layer.film === look : Boolean(clean) && this.layer.film?.isBlank === true;
   }
 
+  /** Whether nothing of the picture is there yet, nor something that stands in for it. */
+  isEmpty() {
+    const { film, hasPoster } = this.live;
+    return !hasPoster && !this.fetched && !this.layer.image && film.total === 0 && !this.showsStart();
+  }
+
   /** Samples per pixel of the denoised picture that is shown while the job renders; null for other pictures. */
   previewSpp() {
     const { film, isRendering } = this.live;

@@ -113,7 +113,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
       else if (side?.awaitsDenoised() && !given) setText(tag, waiting ? t("Denoising …") : t("Raw"));
       else if (spp !== null && !given) setText(tag, tn(spp, "{name}, {n} sample", "{name}, {n} samples", { name, n: count(spp) }));
       else setText(tag, `${name}${(waiting && !isImproved) || isPreview || side?.awaitsDenoised() ? " …" : ""}`);
-      tag.hidden = !seen[i] || (!both && channel === "");
+      tag.hidden = !seen[i] || (!both && (channel === "" || side?.isEmpty() === true));
       tag.classList.toggle("alone", !both);
       parts[i]?.readout.setName(both ? name : "");
       if (parts[i]) parts[i].readout.element.hidden = !seen[i];

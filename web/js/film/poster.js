@@ -29,7 +29,9 @@ export class Poster {
     this.element.append(image, word);
     const place = this.element.style;
     const fillEdges = () => (place.backgroundImage = `url("${url}")`); // under the image, whose edges are transparent where it is blurred
-    if (!url.includes("/image.png")) image.addEventListener("load", fillEdges, { once: true });
+    const hasAlpha = url.includes("/image.png"); // as thumbnailFormat requests a transparent background
+    this.element.classList.toggle("has-alpha", hasAlpha);
+    if (!hasAlpha) image.addEventListener("load", fillEdges, { once: true });
     if (sharp) this.sharpen(sharp);
     const loaded = () => (word.remove(), this.element.classList.remove("loading"));
     this.loaded = showImage(image, url).then(loaded, () => (loaded(), image.remove())); // a picture without samples; the stage shows the reason

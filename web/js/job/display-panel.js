@@ -134,7 +134,7 @@ export function clampExposure(exposure) {
  * @param {Store<Display>} display
  * @param {Record<string, any> | null} settings the job's, for its light groups
  * @param {{normalise: () => void, denoise: () => void, usual: number}} actions denoise: anew, the picture having more samples now; usual: the job's exposure, in stops
- * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, updateHeat: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void, update: (job: import("../base/types.js").Job) => void, showHands: (outlines: import("../film/pixel-overlay.js").Outline[]) => void}}
+ * @returns {{element: HTMLElement, outlined: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, updateHeat: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void, update: (job: import("../base/types.js").Job) => void, showHands: (outlines: import("../film/pixel-overlay.js").Outline[]) => void}}
  */
 export function displayPanel(display, settings, { normalise, denoise: renew, usual }) {
   const exposure = exposureField(display, normalise, usual);
@@ -191,15 +191,14 @@ export function displayPanel(display, settings, { normalise, denoise: renew, usu
     h("div", { class: "look-choices" }, channelField, curve),
     heat,
     colourOnly,
-    outline,
-    legend,
   );
+  const outlined = h("section", { class: "side-section stack tight", "aria-label": t("Tiles") }, outline, legend);
   /** @param {boolean} can */
   const offerDenoise = (can) => (denoise.element.hidden = !can && display.value.denoise === "off");
   /** Offers outlines only while tiles are, or may still be, rendered. @param {import("../base/types.js").Job} job */
   const update = ({ state }) => {
     const isOpen = ["queued", "running", "paused"].includes(state);
-    outline.hidden = !isOpen;
+    outlined.hidden = !isOpen;
   };
   /** @param {import("../film/pixel-overlay.js").Outline[]} outlines of the tiles in hand */
   const showHands = (outlines) => {
@@ -217,7 +216,7 @@ export function displayPanel(display, settings, { normalise, denoise: renew, usu
     heat.hidden = !span;
     if (span) fill(heat, heatBar(name, span[0], span[1]));
   };
-  return { element, updateDenoise: denoise.update, updateHeat, offerDenoise, update, showHands };
+  return { element, outlined, updateDenoise: denoise.update, updateHeat, offerDenoise, update, showHands };
 }
 
 /**

@@ -40,7 +40,7 @@ import { sideTabs } from "../job/side-tabs.js";
 import { savePanel } from "../job/save-panel.js";
 import { askedBy, may, session } from "../news/session.js";
 import { sharePanel } from "../job/share-panel.js";
-import { isRead, known, labelOf, valueText } from "../news/settings-table.js";
+import { isRead, known, valueText } from "../news/settings-table.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { renderAgain } from "../scene/render-again.js";
 import { shotDesk } from "../shot/shot-desk.js";
@@ -170,7 +170,7 @@ function open(page, job, life) {
   life.add(addShortcuts(jobKeys({ job: () => latest, display, inShot: shot !== null })));
 
   const tabs = sideTabs(t("Picture"), [
-    { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element] },
+    { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element, look.outlined] } /* what grows comes last */,
     { name: "lights", label: t("Lights"), content: [lightMixer(display, () => latest, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture))] },
     { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
     { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job, () => lookQuery(display.value))] },
@@ -219,6 +219,8 @@ function open(page, job, life) {
     save.element.hidden = next.samples === 0;
     unsaved.hidden = next.samples > 0;
     save.offer(next);
+    // The buttons that go would take a line with them, and move all that is below.
+    if (narrow.matches && next.state !== latest.state) bar.style.minHeight = `${bar.offsetHeight}px`;
     if (next.state !== latest.state) announce(`${next.name}: ${stateWord(next.state)}`);
     latest = next;
     denoiseFirst();
@@ -342,5 +344,12 @@ function told(settings) {
     .settings.filter(({ name, of }) => name !== "width" && name !== "height" && of !== "environment")
     .filter((setting) => isRead(setting, settings.integrator))
     .filter(({ name, group, default: usual }) => group === "basic" || String(settings[name] ?? usual) !== String(usual))
-    .map((setting) => [labelOf(setting), valueText(setting, settings[setting.name])]);
+    .map((setting) => [setting.label, withUnit(setting, settings[setting.name])]);
+}
+
+/** @param {import("../base/types.js").Setting} setting @param {any} value @returns {string} */
+function withUnit(setting, value) {
+  const text = valueText(setting, value);
+  const unit = /** @type {Record<string, string>} */ ({ "°": "°", s: " s" })[setting.unit];
+  return unit && text && Number.isFinite(Number(text)) ? text + unit : text; // a fraction has its own
 }
