@@ -1,6 +1,6 @@
 /** The growing picture of a job, its AOVs, and its denoised copy instead of it or beside it. */
 
-import { DENOISED, MIX } from "./channels.js";
+import { DENOISED, DENOISED_MIX, MIX } from "./channels.js";
 import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { workers } from "../news/farm.js";
 import { LiveFilm } from "./live-film.js";
@@ -74,12 +74,13 @@ export function livePicture(job, display, life, changed, frame) {
   life.add(
     display.subscribe((look) => {
       const mixed = look.channel === "" && isMixed(look.mix);
-      const denoised = look.denoise !== "off" && look.channel === "" && !mixed;
+      const denoised = look.denoise !== "off" && look.channel === "";
+      const isMixSeen = mixed && look.denoise !== "on"; // its planes are fetched
       stage.view?.setLook(look);
       stage.view?.poster?.element.classList.toggle("smooth", denoised && !live.clean);
       stage.arrange({
-        left: mixed ? { live, channel: MIX, mix: look.mix } : { live, channel: look.channel, name: look.channel === "" ? t("Raw") : undefined },
-        right: denoised ? { live, channel: DENOISED } : null,
+        left: isMixSeen ? { live, channel: MIX, mix: look.mix } : { live, channel: look.channel, name: look.channel === "" ? t("Raw") : undefined },
+        right: denoised ? { live, channel: mixed ? DENOISED_MIX : DENOISED, mix: look.mix } : null,
         wipe: look.denoise === "wipe" ? look.wipe : null,
       });
       outline();

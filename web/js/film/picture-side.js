@@ -6,7 +6,7 @@
 
 import { fetchImage, fetchWords } from "../news/api.js";
 import { AlphaPlane } from "./alpha-plane.js";
-import { DENOISED, MIX, channelOfLight, lightGroupOf } from "./channels.js";
+import { DENOISED, DENOISED_MIX, MIX, channelOfLight, lightGroupOf } from "./channels.js";
 import { Film } from "./film.js";
 import { gainsOf, mixWords } from "./light-mix.js";
 import { Store } from "../base/store.js";
@@ -43,8 +43,11 @@ const NOISE_AFTER_MS = 5000;
  * @property {unknown} error why it could not be fetched
  */
 
+/** @param {string} channel */
+const isMix = (channel) => channel === MIX || channel === DENOISED_MIX;
+
 /** Whether a channel is fetched as radiance, not as an image. @param {string} channel */
-const hasWords = (channel) => channel === DENOISED || channel === MIX || lightGroupOf(channel) !== null;
+const hasWords = (channel) => channel === DENOISED || isMix(channel) || lightGroupOf(channel) !== null;
 
 export class PictureSide {
   /**
@@ -57,10 +60,12 @@ export class PictureSide {
     this.state = new Store(/** @type {SideState} */ ({ channel: "", waiting: false, stale: false, error: null }));
     /** The denoised film, that of a light group or of a mix, if that channel is selected and loaded. @type {Film | null} */
     this.fetched = null;
-    /** What the channel MIX shows. @type {readonly import("./light-mix.js").Strip[]} */
+    /** What the channels MIX and DENOISED_MIX show. @type {readonly import("./light-mix.js").Strip[]} */
     this.mix = [];
-    /** The planes of the light groups, in the order of the mix, while the channel is MIX and they are loaded. @type {Uint32Array[] | null} */
+    /** The planes of the light groups, in the order of the mix, while the channel is a mix and they are loaded. @type {Uint32Array[] | null} */
     this.planes = null;
+    /** Whether the planes are denoised. */
+    this.hasCleanPlanes = false;
     this.mixing = 0;
     /** Number of samples in the shown picture; Infinity while none is loaded. */
     this.madeOf = Infinity;
@@ -115,6 +120,7 @@ export class PictureSide {
   isOld() {
     const { channel, stale, waiting, error } = this.state.value;
     if (waiting || error) return false;
+    if (channel === DENOISED_MIX && !this.live.isRendering && !this.hasCleanPlanes) return true;
     if (channel !== DENOISED) return stale;
     if (this.live.isRendering || this.live.film.total === 0) return false;
     return this.isPreview || this.madeOf === Infinity || (stale && this.live.finished);
@@ -168,6 +174,11 @@ export class PictureSide {
     return look ? this.layer.film === look : Boolean(clean) && this.layer.film?.isBlank === true;
   }
 
+  /** Whether a mix is shown with its noise. */
+  showsRawMix() {
+    return this.state.value.channel === DENOISED_MIX && !this.hasCleanPlanes;
+  }
+
   /** Whether nothing of the picture is there yet, nor something that stands in for it. */
   isEmpty() {
     const { film, hasPoster } = this.live;
@@ -209,6 +220,7 @@ export class PictureSide {
     this.fetching.abort();
     this.fetched = null;
     this.planes = null;
+    this.hasCleanPlanes = false;
     this.madeOf = Infinity;
     this.isPreview = false;
     if (channel === DENOISED && this.live.isRendering) {
@@ -242,6 +254,7 @@ export class PictureSide {
       return;
     }
     this.fetching.abort();
+    this.hasCleanPlanes = false;
     this.madeOf = Infinity;
     this.state.set({ channel, waiting: true, stale: false, error: null });
     clearTimeout(this.settling);
@@ -266,15 +279,10 @@ export class PictureSide {
     const wantsPreview = channel === DENOISED && (this.live.isRendering === true || (!this.fetched && this.live.isRendering === false));
     this.state.update((state) => ({ ...state, waiting: true, error: null, isPreview: wantsPreview, isLast: !this.live.isRendering, isImproved: channel === DENOISED && this.fetched !== null }));
     try {
-      if (channel === MIX) {
-        const { width, height } = this.live.film;
-        const planes = await Promise.all(this.mix.map(({ name }) => fetchWords(this.live, { aov: channelOfLight(name) }, signal)));
-        if (signal.aborted) return;
-        this.madeOf = Math.min(...planes.map(({ samples }) => samples));
-        this.planes = planes.map(({ words }) => words);
-        this.fetched = new Film(width, height, new Uint32Array(width * height));
-        mixWords(this.planes, gainsOf(this.mix), this.fetched.words);
-        this.layer.setFilm(this.fetched);
+      if (isMix(channel)) {
+        if (!this.hasCleanPlanes) await this.fetchPlanes({}, signal);
+        // Each group once it is at rest; a mix then costs nothing.
+        if (channel === DENOISED_MIX && !this.live.isRendering) await this.fetchPlanes({ denoise: "true" }, signal);
       } else if (hasWords(channel)) {
         const { width, height } = this.live.film;
         /** @type {Record<string, string>} */
@@ -301,6 +309,20 @@ export class PictureSide {
     } finally {
       if (!signal.aborted) this.state.update((state) => ({ ...state, waiting: false, stale: this.filmHasMoreSamples() }));
     }
+  }
+
+  /** Fetches and shows the planes of a mix. @param {Record<string, string>} wish parameters of the planes @param {AbortSignal} signal */
+  async fetchPlanes(wish, signal) {
+    const { width, height } = this.live.film;
+    const planes = await Promise.all(this.mix.map(({ name }) => fetchWords(this.live, { aov: channelOfLight(name), ...wish }, signal)));
+    if (signal.aborted) return;
+    this.madeOf = Math.min(...planes.map(({ samples }) => samples));
+    this.planes = planes.map(({ words }) => words);
+    this.hasCleanPlanes = "denoise" in wish;
+    this.fetched = new Film(width, height, new Uint32Array(width * height));
+    mixWords(this.planes, gainsOf(this.mix), this.fetched.words);
+    this.layer.setFilm(this.fetched, { fades: this.hasCleanPlanes });
+    this.state.update((state) => ({ ...state }));
   }
 
   dispose() {

@@ -19,7 +19,7 @@ import { t, tn } from "../base/words.js";
  * @typedef {object} Side
  * @property {FilmSource} live
  * @property {string} channel
- * @property {readonly import("./light-mix.js").Strip[]} [mix] of the channel MIX
+ * @property {readonly import("./light-mix.js").Strip[]} [mix] of the channels MIX and DENOISED_MIX
  * @property {string} [name] what it is called beside the other; its channel's where left out
  */
 
@@ -109,6 +109,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
       const tag = /** @type {HTMLElement} */ (tags[i]);
       const spp = side?.previewSpp() ?? null;
       if (side?.showsEarlier()) setText(tag, t("Earlier picture, until this one is as clear"));
+      else if (side?.showsRawMix()) setText(tag, `${t("Light mix")}${waiting ? " …" : ""}`);
       else if (side?.showsStart()) setText(tag, t("Preview"));
       else if (side?.awaitsDenoised() && !given) setText(tag, waiting ? t("Denoising …") : t("Raw"));
       else if (spp !== null && !given) setText(tag, tn(spp, "{name}, {n} sample", "{name}, {n} samples", { name, n: count(spp) }));

@@ -2,7 +2,6 @@
 
 import { h, setText } from "../base/dom.js";
 import { segments } from "../forms/fields.js";
-import { isMixed } from "../film/light-mix.js";
 import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
 
@@ -63,12 +62,9 @@ export function denoiseFields(display, renew) {
 /**
  * Returns why the picture cannot be denoised as it is displayed; "" if it can.
  *
- * @param {Pick<import("./display-panel.js").Display, "channel" | "mix">} look
+ * @param {Pick<import("./display-panel.js").Display, "channel">} look
  */
-export function whyNotDenoised({ channel, mix }) {
-  if (channel !== "") return t("Only the colour can be denoised");
-  return isMixed(mix) ? t("A light mix cannot be denoised: it is made of the raw lights") : "";
-}
+export const whyNotDenoised = ({ channel }) => (channel === "" ? "" : t("Only the colour can be denoised"));
 
 /** Whether a connected worker can denoise. @param {import("../base/types.js").Worker[] | null} all */
 export const canDenoise = (all) => (all ?? []).some(({ denoises }) => denoises);

@@ -5,7 +5,7 @@ import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { freshId } from "../forms/fields.js";
 import { lightGroupOf } from "../film/channels.js";
-import { isMixed, mixQuery } from "../film/light-mix.js";
+import { mixQuery } from "../film/light-mix.js";
 import { t } from "../base/words.js";
 import { whyNotDenoised } from "./denoise-fields.js";
 import { downloadLink } from "./download-link.js";
@@ -135,7 +135,7 @@ export function asItLooks(place, look) {
  * @param {import("./display-panel.js").Display} look
  * @returns {Record<string, string | number>}
  */
-export const lookQuery = ({ exposure, curve, denoise, mix }) => ({ exposure, tonemap: curve, ...(denoise === "on" && !isMixed(mix) && { denoise: "true" }), ...mixQuery(mix) });
+export const lookQuery = ({ exposure, curve, denoise, mix }) => ({ exposure, tonemap: curve, ...(denoise === "on" && { denoise: "true" }), ...mixQuery(mix) });
 
 /** @param {string} text @param {HTMLElement[]} links */
 export function row(text, links) {
