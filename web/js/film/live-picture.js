@@ -59,6 +59,7 @@ export function livePicture(job, display, life, changed, frame) {
   const isSmall = (job.width ?? 0) <= POSTER_WIDTH;
   stage.view?.setPoster(live.clean || (poster?.near ?? null), isClean && !live.clean && !live.look && !isSmall ? poster?.clean : "");
   if (stage.view) stage.view.origin = live.place;
+  queueMicrotask(() => stage.element.isConnected && stage.view?.canvas.resize()); // in its place from the first frame
   void Promise.race([stage.view?.poster?.loaded, new Promise((resolve) => setTimeout(resolve, POSTER_MS))]).then(isPosterHere);
 
   let latest = job;

@@ -250,6 +250,7 @@ function ready(page, scene, life, steps) {
       adoptJob(job);
       if (here().path.join() !== path) return; // the user has left the page meanwhile
       location.hash = linkTo("jobs", job.id);
+      await new Promise((resolve) => life.add(() => resolve(null))); // the form is not for another job until the page is left
     } catch (error) {
       isStarting = false;
       showError(t("The job could not be started"), error);
