@@ -2,6 +2,7 @@
 
 import { channelOf } from "./channels.js";
 import { h, setText } from "../base/dom.js";
+import { count } from "../base/format.js";
 import { CannotShow } from "./film-canvas.js";
 import { FilmView } from "./film-view.js";
 import { emptyState } from "../shell/hints.js";
@@ -10,7 +11,6 @@ import { PixelReadout } from "./pixel-readout.js";
 import { rememberPlace } from "./view-place.js";
 import { wipeDivider } from "./wipe.js";
 import { zoomControls } from "./zoom-controls.js";
-import { count } from "../base/format.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("./picture-side.js").FilmSource} FilmSource */

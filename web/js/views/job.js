@@ -170,7 +170,8 @@ function open(page, job, life) {
   life.add(addShortcuts(jobKeys({ job: () => latest, display, inShot: shot !== null })));
 
   const tabs = sideTabs(t("Picture"), [
-    { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element, look.outlined] } /* what grows comes last */,
+    // What grows while it renders comes last.
+    { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element, look.outlined] },
     { name: "lights", label: t("Lights"), content: [lightMixer(display, () => latest, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture))] },
     { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
     { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job, () => lookQuery(display.value))] },
