@@ -390,6 +390,10 @@ class DenoiseFrame:
 
     guide: the scene of a frame that is denoised alone and is no preview; the worker replaces the albedo by that behind mirrors
     and smooth glass. None, and for workers of earlier releases: the albedo of the film.
+
+    lights: names of the frame's light groups, of which each is denoised in place of the colour. The means are then their lights,
+    in this order, before the albedo; the blob has the rows of all of them for each row of pixels, so it can be mixed as it is
+    read. Workers of earlier releases denoise the colour, and the service refuses their blob by its size.
     """
 
     work: str  # unique for every time it is handed out
@@ -400,6 +404,7 @@ class DenoiseFrame:
     frames: tuple[tuple[int, str], ...] = ()
     is_preview: bool = False
     guide: GuideScene | None = None
+    lights: tuple[str, ...] = ()
 
     @classmethod
     def from_json(cls, data: Any) -> DenoiseFrame:
@@ -411,12 +416,13 @@ class DenoiseFrame:
         guide = None
         with suppress(SettingsError, ValueError, KeyError, TypeError):
             guide = GuideScene.from_json(known["guide"])
-        return cls(**{**known, "frames": tuple((int(frame), str(sha256)) for frame, sha256 in frames), "guide": guide})
+        pairs = tuple((int(frame), str(sha256)) for frame, sha256 in frames)
+        return cls(**{**known, "frames": pairs, "guide": guide, "lights": tuple(map(str, known.get("lights", ())))})
 
     def to_json(self) -> dict[str, Any]:
         """Returns the request as JSON data. Omits the optional fields where they are not set, as in earlier releases."""
         data = {**vars(self), "guide": self.guide.to_json() if self.guide else None}
-        return {name: value for name, value in data.items() if value or name not in ("frames", "is_preview", "guide")}
+        return {name: value for name, value in data.items() if value or name not in ("frames", "is_preview", "guide", "lights")}
 
 
 @dataclass(frozen=True)

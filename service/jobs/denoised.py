@@ -12,7 +12,8 @@ from protocol.contract import VERSION_SEPARATOR, GuideScene
 from renderer.errors import SettingsError
 from renderer.frames import DENOISED_REACH, frame_key, frame_number
 from renderer.sentences import Sentence
-from service.errors import Conflict, FarmError
+from renderer.settings import group_names
+from service.errors import Conflict, FarmError, Invalid
 from service.farm import Farm
 from service.jobs.describe_frames import frame_numbers
 from service.jobs.frame_scene import frame_scene
@@ -21,7 +22,9 @@ from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.store.films import Film
 from service.store.models import FINAL_STATES, Frame, Job, Scene
 
-__all__ = ["denoised_artifact"]
+__all__ = ["denoised_artifact", "denoised_lights_artifact"]
+
+MAX_LIGHTS_BYTES = 512 << 20
 
 _ATTEMPTS = 2
 
@@ -61,6 +64,26 @@ async def denoised_artifact(
             break  # otherwise it was requested by another client, in the other way
     await run_sync(farm.engine.release_preview, job.id, key)
     return found
+
+
+async def denoised_lights_artifact(job: Job, n: float, film: Film, farm: Farm) -> ArtifactResult:
+    """Returns the denoised light of a frame's light groups (DenoiseFrame.lights) once a worker has made it.
+
+    Raises FarmError, of type Invalid for a picture that is too large.
+    """
+    lights = group_names((job.settings or {}).get("light_groups", ""))
+    if 12 * film.width * film.height * len(lights) > MAX_LIGHTS_BYTES:
+        raise Invalid(
+            Sentence(
+                "denoise-lights-too-large",
+                "denoise: {count} light groups of {width}×{height} pixels are too large to be denoised; leave denoise out.",
+                count=len(lights),
+                width=film.width,
+                height=film.height,
+            )
+        )
+    made = await run_sync(farm.engine.denoise_lights, job.id, frame_key(n), film, lights)
+    return await asyncio.shield(asyncio.wrap_future(made))
 
 
 def _guide(job: Job, key: int, farm: Farm) -> GuideScene | None:

@@ -17,6 +17,7 @@ from starlette.concurrency import run_in_threadpool
 from protocol.blends import converted_files
 from protocol.channel import CHANNEL_PATH, HTTPS, name_suffix
 from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
+from renderer import aovs
 from renderer.sentences import Sentence
 from service.errors import Conflict, Invalid, NotFound, TooLarge
 from service.http.farm import FarmDependency
@@ -107,6 +108,7 @@ def get_means(
     frame: Annotated[int, PathParameter(ge=0, le=1 << 31)],
     farm: FarmDependency,
     ids: Annotated[bool, Query(description="whether the object and material planes follow")] = False,
+    lights: Annotated[str, Query(max_length=4000, description="light groups whose light comes in place of the colour")] = "",
 ) -> FileResponse:
     """Returns the mean colour, albedo and normal of a frame for a denoiser; layout: protocol.contract.DenoiseFrame.
 
@@ -116,11 +118,14 @@ def get_means(
     film = farm.film(found)
     if film is None or not farm.records.has_frame(job, frame):
         raise NotFound(Sentence("job-picture-not-available", "The job does not have this picture yet."))
+    colors = [aovs.LIGHT + group for group in lights.split(",")] if lights else ["color"]
+    if lights and not {*lights.split(",")} <= {*film.groups}:
+        raise NotFound(Sentence("film-light-groups-missing", "The job does not have these light groups."))
     version, samples = film.version(frame), film.samples(frame)
     handle, name = tempfile.mkstemp(dir=farm.settings.data / "tmp", prefix="means-")
     try:
         with os.fdopen(handle, "wb") as file:
-            for means in ("color", "albedo", "normal", *(("object", "material") if ids else ())):
+            for means in (*colors, "albedo", "normal", *(("object", "material") if ids else ())):
                 for band in bands(film, frame, [means]):
                     band.astype("<f4", copy=False).tofile(file)
     except BaseException:

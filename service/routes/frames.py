@@ -36,7 +36,7 @@ from service.http.head_requests import headers_response, is_head
 from service.http.paths import Number
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
-from service.jobs.denoised import denoised_artifact
+from service.jobs.denoised import denoised_artifact, denoised_lights_artifact
 from service.jobs.describe_frames import frame_out, frames_json
 from service.jobs.frame_workers import FrameWorkersOut, frame_workers
 from service.jobs.lookup import find_film, find_job, find_picture, frame_not_found, names_of_ids, without_samples
@@ -168,21 +168,32 @@ async def image(
     if in_shot and not denoise:
         raise Invalid(Sentence("in-shot-needs-denoise", "in_shot: only a denoised picture is averaged; add denoise=true."))
     is_preview = preview and denoise and not in_shot
-    if denoise and planes:
-        raise Invalid(Sentence("denoise-only-colour", "denoise: only the colour can be denoised; leave aov out."))
-    gains = gains_of_mix(mix, group_names((job.settings or {}).get("light_groups", "")))
-    if gains and (planes or denoise):
+    groups = group_names((job.settings or {}).get("light_groups", ""))
+    group = planes[0].removeprefix(aovs.LIGHT) if len(planes) == 1 and not in_layers and aovs.is_light(planes[0]) else None
+    if denoise and planes and group not in groups:
         raise Invalid(
-            Sentence("mix-only-colour", "mix: only the colour can be mixed, without denoise; leave aov and denoise out.")
+            Sentence("denoise-only-colour", "denoise: only the colour, or one light group, can be denoised; leave aov out.")
         )
+    gains = gains_of_mix(mix, groups)
+    if gains and planes:
+        raise Invalid(Sentence("mix-only-colour", "mix: only the colour can be mixed; leave aov out."))
+    of_lights = denoise and bool(planes or gains)
+    if of_lights and in_shot:
+        raise Invalid(
+            Sentence("in-shot-without-lights", "in_shot: only the colour as rendered is averaged; leave aov and mix out.")
+        )
+    if of_lights and not gains:
+        gains = tuple((1.0, 1.0, 1.0) if name == group else (0.0, 0.0, 0.0) for name in groups)
+    is_preview = is_preview and not of_lights
     PictureRequest(extension, planes, in_layers, curve=curve, width=width, gain_map=gain_map).check()
     film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
     asks_head = is_head(request)
-    denoised = (
-        await denoised_artifact(job, n, film, farm, in_shot=in_shot, is_preview=is_preview, waits=wait)
-        if denoise and not asks_head
-        else None
-    )
+    if not denoise or asks_head:
+        denoised = None
+    elif of_lights:
+        denoised = await denoised_lights_artifact(job, n, film, farm)
+    else:
+        denoised = await denoised_artifact(job, n, film, farm, in_shot=in_shot, is_preview=is_preview, waits=wait)
     if denoised is not None:
         version, samples, is_preview = denoised.version, denoised.samples, denoised.is_preview
     clean = f"{denoise}{is_preview}"
@@ -194,7 +205,8 @@ async def image(
     known = request.headers.get("if-none-match", "")
     if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)
-    kind = "denoised" if denoise else "mix" if gains else "layers" if in_layers else planes[0] if planes else ""
+    kind = "layers" if in_layers else planes[0] if planes else "mix" if gains else ""
+    kind = "-".join([*filter(None, [kind]), *(["denoised"] if denoise else [])])
     headers["Content-Disposition"] = content_disposition(picture_name(job, n, samples, kind, extension))
     if asks_head:
         if denoise:
@@ -211,6 +223,7 @@ async def image(
         curve,
         width,
         blob,
+        len(groups) if of_lights else 0,
         motion,
         names_of_ids=names,
         visible=visible,

@@ -132,8 +132,9 @@ async def get_shared_image(
     """Returns the picture, as rendered so far, of the job that a link shows. The link's secret is sent as the bearer token."""
     job = await run_in_threadpool(_shared_job, share, farm)
     number = frame if frame in job.frames else job.frames[0]
+    denoise = denoise and not (mix.strip() and job.state not in FINAL_STATES)  # a mix has no previews
     if denoise and job.state in FINAL_STATES:  # otherwise a preview, for which workers have a share of their time
-        await run_in_threadpool(_check_denoising, share, number, farm)
+        await run_in_threadpool(_check_denoising, share, number, farm, is_mix=bool(mix.strip()))
     answer = await frames.image(
         *(share.job, number, extension, request, farm, visit),
         denoise=denoise,
@@ -146,9 +147,10 @@ async def get_shared_image(
     return answer
 
 
-def _check_denoising(share: Share, number: float, farm: Farm) -> None:
+def _check_denoising(share: Share, number: float, farm: Farm, is_mix: bool) -> None:
     """Raises OverQuota if a picture must be denoised, and many were for this link. That takes 20 s of a core per megapixel."""
-    if farm.engine.denoised(share.job, frame_key(number), find_picture(share.job, number, farm)) is not None:
+    find = farm.engine.denoised_lights if is_mix else farm.engine.denoised
+    if find(share.job, frame_key(number), find_picture(share.job, number, farm)) is not None:
         return
     if (seconds := farm.access.link_denoising_rate.count([(("link", share.id), MAX_DENOISED)])) is not None:
         raise OverQuota(

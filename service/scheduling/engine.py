@@ -240,6 +240,15 @@ class Engine:
         request = DenoiseFrame("", job, frame, film.width, film.height, is_preview=True)
         return self._with_wake_up(self._artifact_tasks.previews.latest(request, film.samples(frame), is_final=is_final))
 
+    def denoise_lights(self, job: str, frame: int, film: Film, lights: tuple[str, ...]) -> Future[ArtifactResult]:
+        """Requests that a worker denoise the light of these groups of a frame. Raises Unavailable if no worker can."""
+        request = DenoiseFrame("", job, frame, film.width, film.height, is_preview=True, lights=lights)
+        return self._with_wake_up(self._artifact_tasks.denoised_lights.request(request, film.version(frame)))
+
+    def denoised_lights(self, job: str, frame: int, film: Film) -> ArtifactResult | None:
+        """Returns the denoised light groups of a frame with all samples of its film if they are stored already."""
+        return self._artifact_tasks.denoised_lights.made_of(job, frame, film.version(frame))
+
     def existing_preview(self, job: str, frame: int) -> ArtifactResult | None:
         """Returns the latest preview of a frame, also if another is due; None if there is none."""
         return self._artifact_tasks.previews.existing(job, frame)

@@ -55,7 +55,8 @@ class PictureRequest:
     extension: the file format, such as exr. planes: names of AOVs; empty for colour. in_layers: write the planes as layers in
     addition to the colour, instead of one plane without the colour. exposure: in stops. curve: the tone curve. width:
     minimum width of a downscaled copy. denoised: function that opens the denoised colour, used in place of the film's; None:
-    not denoised. motion: function that opens motion vectors, which films do not contain; they are the last of the planes.
+    not denoised. lights: number of light groups whose light that file has, for a colour mixed from them by `gains`; 0: it has the
+    colour. motion: function that opens motion vectors, which films do not contain; they are the last of the planes.
     names_of_ids: names of objects and materials, for Cryptomatte. visible: a colour that would look black is
     exposed by what it shows, in addition to `exposure`. gains: of the light groups, for a colour mixed from them (film.mixed).
     gain_map: whether a jpg has one, for displays of high dynamic range.
@@ -68,6 +69,7 @@ class PictureRequest:
     curve: Curve = "neutral"
     width: int | None = None
     denoised: Callable[[], BinaryIO] | None = None
+    lights: int = 0
     motion: Callable[[], BinaryIO] | None = None
     visible: bool = False
     gains: tuple[Gain, ...] = ()
@@ -255,8 +257,7 @@ def _values(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
         return
     with request.denoised() as file:
         for y in range(0, film.height, ROWS):
-            rows = min(ROWS, film.height - y)
-            yield np.frombuffer(file.read(rows * film.width * 12), "<f4").reshape(rows, film.width, 3)
+            yield _denoised_rows(file, min(ROWS, film.height - y), film.width, request)
 
 
 def _denoised_with_alpha(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
@@ -264,8 +265,14 @@ def _denoised_with_alpha(film: Film, frame: int, request: PictureRequest) -> Ite
     assert request.denoised is not None
     with request.denoised() as file:
         for alpha in bands(film, frame, [aovs.ALPHA]):
-            color = np.frombuffer(file.read(12 * alpha.shape[0] * film.width), "<f4").reshape(-1, film.width, 3)
-            yield np.concatenate([color, alpha], axis=2)
+            yield np.concatenate([_denoised_rows(file, alpha.shape[0], film.width, request), alpha], axis=2)
+
+
+def _denoised_rows(file: BinaryIO, rows: int, width: int, request: PictureRequest) -> F32:
+    """Returns the next rows of a denoised colour, or of denoised light groups as a mixed colour, shape (rows, width, 3)."""
+    groups = max(1, request.lights)
+    values = np.frombuffer(file.read(12 * rows * groups * width), "<f4").reshape(rows, groups, width, 3)
+    return np.einsum("rgwc,gc->rwc", values, np.asarray(request.gains, "<f4")) if request.lights else values[:, 0]
 
 
 def _with_motion(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:

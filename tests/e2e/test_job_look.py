@@ -9,8 +9,23 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.e2e.conftest import Farm, Watched
+from tests.e2e.small_glb import small_glb
 
 pytestmark = pytest.mark.long
+
+# Notes at every frame where the picture is: in the scene's view, or on the stage of the job's page with its first picture.
+WATCH = """() => {
+  window.places = [];
+  const look = () => {
+    const view = document.querySelector(".scene-page .live-view");
+    const stage = document.querySelector(".job-page .stage");
+    const box = (view ?? stage)?.getBoundingClientRect();
+    const place = box && [view ? "scene" : "job", ...[box.x, box.y, box.width, box.height].map(Math.round)].join(" ");
+    if (place && place !== window.places.at(-1)) window.places.push(place);
+    requestAnimationFrame(look);
+  };
+  look();
+}"""
 
 
 def test_job_opens_with_the_look_it_was_ordered_with(farm: Farm, watched: Watched) -> None:
@@ -37,6 +52,31 @@ def test_job_opens_with_the_look_it_was_ordered_with(farm: Farm, watched: Watche
     expect(page).to_have_url(re.compile(r"ev=0\b"))
     page.reload()
     expect(exposure).to_have_value("0")
+    page.keyboard.press("Control+k")
+    page.keyboard.type("Layout: Default")
+    page.keyboard.press("Enter")
+    expect(exposure).to_have_value("1.5")
+    page.goto(f"{farm.url}/#/scenes/{scene}?like={job}")
+    expect(page.get_by_role("slider", name="Exposure in stops")).to_have_value("1.5")
     page.goto(f"{farm.url}/#/compare/{job}/{job}")
     expect(exposure).to_have_value("1.5")
+    assert watched.errors == []
+
+
+def test_layout_changes_once_when_a_render_starts(farm: Farm, watched: Watched) -> None:
+    """The view stays in place until the job's page is shown, whose picture is there at once without motion."""
+    upload = httpx.post(f"{farm.url}/api/scenes", files={"files": ("once.glb", small_glb("layout changes once"))})
+    scene = upload.raise_for_status().json()["id"]
+    page = watched.page
+    page.emulate_media(reduced_motion="reduce")
+    page.goto(f"{farm.url}/#/scenes/{scene}")
+    expect(page.locator(".view-state")).to_have_text(re.compile("sample"), timeout=90_000)
+    page.evaluate(WATCH)
+    page.get_by_role("button", name="Render").click()
+    expect(page.locator(".job-page .stage")).to_be_visible(timeout=60_000)
+    page.wait_for_timeout(1000)
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator(".chip.cancelled, .chip.finished")).to_be_visible()
+    places = page.evaluate("places")
+    assert [place.split()[0] for place in places] == ["scene", "job"], places
     assert watched.errors == []

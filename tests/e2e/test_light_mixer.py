@@ -41,9 +41,10 @@ def lit(farm: Farm) -> str:
     return render_job(farm, scene, **SIZE, spp=16, light_groups="key,fill")
 
 
-def plane(image: str, group: str) -> np.ndarray:
+def plane(image: str, group: str, denoise: bool = False) -> np.ndarray:
     """Returns the plane of a light group as the page gets it, (h, w, 3) float32."""
-    words = np.frombuffer(httpx.get(f"{image}.rgb9e5?aov=light:{group}").raise_for_status().content, "<u4")
+    query = {"aov": f"light:{group}", "denoise": denoise}
+    words = np.frombuffer(httpx.get(f"{image}.rgb9e5", params=query).raise_for_status().content, "<u4")
     return rgbe9995.unpack(words.reshape(SIZE["height"], SIZE["width"]))
 
 
@@ -80,10 +81,6 @@ def test_muted_groups_leave_the_others_and_the_mix_is_saved(farm: Farm, lit: str
     assert_screen(page, wanted["fill"], "without the key light")
     expect(page).to_have_url(re.compile(r"mix=key%3A%3A%3Am|mix=key:::m"))
 
-    page.get_by_role("tab", name="View").click()
-    expect(page.get_by_text("A light mix cannot be denoised")).to_have_count(1)
-    page.get_by_role("tab", name="Lights").click()
-
     # Saved files are made by the service from the exact sums.
     png = np.asarray(Image.open(saved(page, "PNG")).convert("RGB")).astype(int)
     exact = read_exr(f"{image}.exr?aov=light:fill", tmp_path) + read_exr(f"{image}.exr?aov=light:rest", tmp_path)
@@ -113,6 +110,38 @@ def test_muted_groups_leave_the_others_and_the_mix_is_saved(farm: Farm, lit: str
     page.keyboard.press("1")
     page.mouse.move(5, 5)
     assert_screen(page, louder, "by its link")
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_a_mix_is_shown_and_saved_denoised(farm: Farm, lit: str, watched: Watched, tmp_path: Path) -> None:
+    """Each light group is denoised once, and mixed without its noise; what is saved is what is shown."""
+    if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
+        pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
+    image = f"{farm.url}/api/jobs/{lit}/frames/0/image"
+    clean = {group: read_exr(f"{image}.exr?aov=light:{group}&denoise=true", tmp_path) for group in ("key", "fill", "rest")}
+    raw = read_exr(f"{image}.exr?aov=light:fill", tmp_path)
+    assert np.abs(np.diff(clean["fill"], axis=1)).mean() < 0.7 * np.abs(np.diff(raw, axis=1)).mean(), "it has less noise"
+    wanted = 4 * clean["fill"] + clean["rest"]
+    mixed = read_exr(f"{image}.exr?mix=key:0,fill:4&denoise=true", tmp_path)
+    assert np.allclose(mixed, wanted, rtol=1e-5, atol=1e-6)
+    refused = httpx.get(f"{image}.exr", params={"mix": "key:0", "denoise": True, "in_shot": True})
+    assert (refused.status_code, refused.json()["code"]) == (422, "in-shot-without-lights")
+
+    page = watched.page
+    page.goto(f"{farm.url}/#/jobs/{lit}?tone=srgb&denoise=on&mix=key:::m,fill:2")
+    expect(page.locator(".channel-tag.right")).to_have_text("Light mix, denoised", timeout=120_000)
+    page.keyboard.press("1")
+    page.mouse.move(5, 5)
+    shown = expected_pixels(4 * plane(image, "fill", denoise=True) + plane(image, "rest", denoise=True), 0, "srgb")
+    tag = page.locator(".channel-tag.right").bounding_box()
+    assert tag
+    shown[: int(tag["height"]) + 20, : int(tag["width"]) + 20] = -1  # may lie on the picture
+    assert_screen(page, shown, "denoised and mixed")
+    page.get_by_role("tab", name="Save").click()
+    with page.expect_download() as download:
+        page.get_by_role("link", name="PNG, denoised", exact=True).click()
+    assert download.value.suggested_filename.endswith("-mix-denoised.png")
     assert watched.errors == []
 
 

@@ -12,8 +12,9 @@ DUE = """
     const look = a.look && { total: a.look };
     const state = { value: { channel: "denoised", waiting: false, error: a.failed ? new Error("503") : null } };
     const previewAt = performance.now() + (a.failed ?? 0);
-    const live = { film, look, isAgain: a.again, side: 2, isRendering: a.rendering ?? true };
-    return m.PictureSide.prototype.isPreviewDue.call({ live, state, previewAt, madeOf: a.made ?? Infinity });"""
+    const live = { film, look, clean: a.clean, isAgain: a.again, side: 2, isRendering: a.rendering ?? true };
+    const coveredAt = a.waited && performance.now() - a.waited;
+    return m.PictureSide.prototype.isPreviewDue.call({ live, state, coveredAt, previewAt, madeOf: a.made ?? Infinity });"""
 
 
 def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> None:
@@ -24,9 +25,11 @@ def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> N
     assert is_due(tiles=[[0, 1], [2, 1]]) is True
     assert is_due(tiles=[[0, 1], [2, 1]], hidden=True) is False, "the page is hidden"
     assert is_due(tiles=[[0, 1], [2, 1]], rendering=False) is False
-    assert is_due(tiles=[[0, 1], [2, 1]], look=32) is False, "the live view's picture has more samples"
-    assert is_due(tiles=[[0, 4], [2, 4]], look=32) is True
-    assert is_due(tiles=[[0, 8], [2, 8]], look=9999) is True, "the job's picture is to be seen at last"
+    for start in ({"look": 32}, {"clean": "data:,"}):
+        assert is_due(tiles=[[0, 15], [2, 40]], **start) is False, "denoising few samples smears, and the start is sharp"
+        assert is_due(tiles=[[0, 16], [2, 16]], **start) is True
+        assert is_due(tiles=[[0, 4], [2, 4]], waited=9000, **start) is True, "the job's picture is to be seen at last"
+        assert is_due(tiles=[[0, 3], [2, 4]], waited=9000, **start) is False
     assert is_due(tiles=[[0, 8], [2, 8]], look=9999, again=True) is False, "an earlier picture is better"
     assert is_due(tiles=[[0, 8], [2, 8]], look=64, again=True) is True
     assert is_due(tiles=[[0, 4], [2, 4]], made=17) is False

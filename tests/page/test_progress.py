@@ -6,7 +6,8 @@ import pytest
 
 from tests.page.node import Node
 
-JOB = {"id": "j", "created": 1, "state": "running", "name": "n", "priority": 0, "progress": 0.5, "message": None, "eta_s": 60}
+JOB = {"id": "j", "created": 1, "state": "running", "name": "n", "priority": 0, "progress": 0.5, "message": None}
+JOB |= {"eta_s": 60, "active_s": 3}
 
 
 def test_outdated_job_description_is_ignored(node: Node) -> None:
@@ -43,14 +44,32 @@ def test_remaining_time_is_smoothed(node: Node) -> None:
 
 def test_remaining_time_is_rounded(node: Node) -> None:
     body = "return a.map((seconds) => m.rounded(seconds));"
-    seconds = [0.4, 3, 43, 75, 130, 1790, 2740, 3 * 3600]
-    assert node.call("news/time-left", body, seconds) == [5, 5, 45, 80, 120, 1800, 2700, 3 * 3600]
+    seconds = [0.4, 3, 43, 75, 104, 130, 1790, 2740, 3 * 3600]
+    assert node.call("news/time-left", body, seconds) == [5, 5, 45, 80, 100, 120, 1800, 2700, 3 * 3600]
 
 
-def test_no_remaining_time_below_five_percent_progress(node: Node) -> None:
+def test_remaining_time_rises_seldom_and_little(node: Node) -> None:
+    """A value stays for five seconds before it rises, by a quarter at most.
+
+    If the forecast doubles, the farm has changed, and the value follows.
+    """
+    body = """
+        const end = new m.SmoothedEnd();
+        return a.map(([left, now]) => ((end.end = now + left), end.steady(now)));"""
+    assert node.call("news/time-left", body, [[40, 0], [44, 1], [58, 3], [58, 6], [58, 7]]) == [40, 40, 40, 50, 50]
+    assert node.call("news/time-left", body, [[40, 0], [300, 1], [300, 6], [20, 7]]) == [40, 40, 300, 20]
+    assert node.call("news/time-left", body, [[5, 0], [8, 6]]) == [5, 5]
+
+
+def test_remaining_time_is_shown_once_it_is_known(node: Node) -> None:
     body = "m.noteForecast({ ...a, ...{} }, 100); return m.timeLeft(a.id, 100);"
     assert node.call("news/time-left", body, {**JOB, "eta_s": 2690}) == "about 45 min"
+    assert node.call("news/time-left", body, {**JOB, "id": "k", "eta_s": 104}) == "about 100 s"
     assert node.call("news/time-left", body, {**JOB, "progress": 0.04}) == ""
+    assert node.call("news/time-left", body, {**JOB, "progress": 0.06}) == "", "of a short job, the first samples say little"
+    assert node.call("news/time-left", body, {**JOB, "progress": 0.06, "active_s": 25}) == "about 60 s"
+    taken = {**JOB, "progress": 0.52, "spp": 64, "taken": {"spp": 32}}
+    assert node.call("news/time-left", body, taken) == "", "it has done 4 % itself"
     assert node.call("news/time-left", body, {**JOB, "message": "Waits for a worker."}) == ""
     assert node.call("news/time-left", body, {**JOB, "state": "paused"}) == ""
 

@@ -355,6 +355,11 @@ def test_frame_is_denoised_from_film_means(bench: Bench) -> None:
     quick = np.frombuffer(bench.service.blobs[preview["sha256"]], "<f4").reshape(40, 60, 3)
     np.testing.assert_allclose(quick, denoise_fast(noisy, truth, normal), rtol=1e-3, atol=1e-3)
     assert 0 < preview["seconds"] < 60
+    bench.service.films["/api/farm/films/job/0?lights=key%2Crest"] = np.stack([noisy, 2 * noisy, truth, normal]).tobytes()
+    lights = denoised(bench, DenoiseFrame("lights", "job", 0, 60, 40, is_preview=True, lights=("key", "rest")))
+    rows = np.frombuffer(bench.service.blobs[lights["sha256"]], "<f4").reshape(40, 2, 60, 3)
+    np.testing.assert_allclose(rows[:, 0], quick, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(rows[:, 1], denoise_fast(2 * noisy, truth, normal), rtol=1e-3, atol=1e-3)
 
 
 @pytest.mark.long

@@ -6,12 +6,12 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
-from urllib.parse import urlsplit
+from urllib.parse import urlencode, urlsplit
 
 import httpx
 from redis.connection import ConnectionPool
@@ -185,12 +185,14 @@ class Link:
                 )
             )
 
-    def fetch_means(self, job: str, frame: int, out: BinaryIO, ids: bool = False) -> tuple[str, int]:
+    def fetch_means(self, job: str, frame: int, out: BinaryIO, ids: bool = False, lights: Sequence[str] = ()) -> tuple[str, int]:
         """Downloads a frame's mean colour, albedo and normal to `out`. Returns the film's version and number of samples.
 
-        ids: whether the object and material planes follow. protocol.contract.DenoiseFrame describes the format.
+        ids: whether the object and material planes follow. lights: light groups whose light comes in place of the colour.
+        protocol.contract.DenoiseFrame describes the format.
         """
-        with self._stream("GET", f"/api/farm/films/{job}/{frame}{'?ids=true' if ids else ''}") as response:
+        query = urlencode({**({"ids": "true"} if ids else {}), **({"lights": ",".join(lights)} if lights else {})})
+        with self._stream("GET", f"/api/farm/films/{job}/{frame}{'?' if query else ''}{query}") as response:
             try:
                 about = response.headers[VERSION_HEADER], int(response.headers[SAMPLES_HEADER])
             except (KeyError, ValueError) as error:

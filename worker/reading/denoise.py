@@ -12,7 +12,7 @@ from renderer.confine.reader import Link
 from renderer.frames import frame_number
 from worker.reading.scene_folder import folder_of
 
-__all__ = ["denoise", "denoise_in_shot"]
+__all__ = ["denoise", "denoise_in_shot", "denoise_lights"]
 
 
 def denoise(
@@ -38,6 +38,28 @@ def denoise(
     else:
         picture = library.denoise(color, albedo, normal, threads)
     picture.astype("<f4").tofile(folder_of(result))
+    return {}
+
+
+def denoise_lights(
+    means: bytes,
+    result: bytes,
+    count: int,
+    width: int,
+    height: int,
+    link: Link,
+    *,
+    has_clean_guides: bool = False,
+    threads: int | None = None,
+) -> dict[str, Any]:
+    """Writes the denoised light of light groups as float32, shape (height, count, width, 3), to the file `result`.
+
+    Returns an empty answer. means: path of the file with the mean light of each group, the albedo and the normal, float32, each
+    (height, width, 3). count: of the groups. has_clean_guides: see `denoise`. threads: None for all cores.
+    """
+    *lights, albedo, normal = np.fromfile(folder_of(means), "<f4").reshape(count + 2, height, width, 3)
+    clean = [library.denoise_fast(light, albedo, normal, threads, has_clean_guides=has_clean_guides) for light in lights]
+    np.stack(clean, axis=1).astype("<f4", copy=False).tofile(folder_of(result))
     return {}
 
 

@@ -28,7 +28,7 @@ from worker.exchange.errors import RefusedError, WorkError
 from worker.exchange.ready import make_kernel_ready
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
-from worker.reading.denoise import denoise, denoise_in_shot
+from worker.reading.denoise import denoise, denoise_in_shot, denoise_lights
 from worker.work.frames import compiled_frame
 from worker.work.open_scenes import mapped_scene
 from worker.work.reader import ReaderFolder
@@ -43,6 +43,7 @@ PATIENCE_S = 10.0  # seconds; a client waits for the picture
 MEMORY_BYTES = 2 << 30  # the library works in tiles whose size it chooses for this limit
 BYTES_A_PIXEL = 400
 BYTES_A_NEIGHBOUR = 200  # a pixel, of each frame that is averaged
+BYTES_A_LIGHT = 24  # a pixel, of each light group: with its noise and without
 DENOISED = "denoised.f32"
 
 
@@ -60,14 +61,15 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
             _guide(worker, work, work.guide, means)
         paths = os.fsencode(means), os.fsencode(room.out / DENOISED)
         threads = 1 if work.is_preview else None  # the other cores render
-        options = {
-            "is_preview": work.is_preview,
-            "has_clean_guides": samples >= CLEAN_GUIDE_SAMPLES * work.width * work.height,
-            "threads": threads,
-        }
-        job = partial(denoise, *paths, work.width, work.height, **options)
+        has_clean_guides = samples >= CLEAN_GUIDE_SAMPLES * work.width * work.height
+        options = {"has_clean_guides": has_clean_guides, "threads": threads}
+        if work.lights:
+            job = partial(denoise_lights, *paths, len(work.lights), work.width, work.height, **options)
+        else:
+            job = partial(denoise, *paths, work.width, work.height, is_preview=work.is_preview, **options)
         began = time.monotonic()
-        room.run(job, "The picture", SECONDS, memory=MEMORY_BYTES + BYTES_A_PIXEL * work.width * work.height)
+        a_pixel = BYTES_A_PIXEL + len(work.lights) * BYTES_A_LIGHT
+        room.run(job, "The picture", SECONDS, memory=MEMORY_BYTES + a_pixel * work.width * work.height)
         seconds = time.monotonic() - began
         blob = retry_temporary(lambda: worker.link.store(room.result(DENOISED)), PATIENCE_S)
     return {"sha256": blob.sha256, "version": version, "samples": samples, "seconds": seconds}
@@ -131,7 +133,7 @@ def _denoise_in_shot(worker: WorkerContext, work: DenoiseFrame, room: ReaderFold
 
 def _fetch(worker: WorkerContext, work: DenoiseFrame, means: Path, ids: bool = False) -> tuple[str, int]:
     with means.open("wb") as file:
-        return worker.link.fetch_means(work.job, work.frame, file, ids)
+        return worker.link.fetch_means(work.job, work.frame, file, ids, work.lights)
 
 
 def _fetch_blob(worker: WorkerContext, sha256: str, path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from service.events import Events
 from service.scheduling.artifacts.artifact_result import ArtifactResult
-from service.scheduling.artifacts.denoising import Denoising
+from service.scheduling.artifacts.denoising import DenoisedLights, Denoising
 from service.scheduling.artifacts.environments import Environments
 from service.scheduling.artifacts.frame_preparation import FramePreparation
 from service.scheduling.artifacts.kept_artifacts import KeptArtifacts
@@ -42,11 +42,13 @@ class ArtifactTasks:
         self.moments = FramePreparation(dispatcher, workers, settings.prepare_deadline, settings.frame_scenes_bytes)
         self.denoising = Denoising(dispatcher, workers, blobs, events)
         self.denoising.keep_in(KeptArtifacts(settings.data / DENOISED_FILE))
+        self.denoised_lights = DenoisedLights(dispatcher, workers, blobs, events)
         self.vectors = Vectors(dispatcher, workers, blobs, events)
         self.environments = Environments(dispatcher, workers, blobs, events)
         self.previews = DenoisedPreviews(dispatcher, workers, blobs, events)
         self.path_guides = PathGuides(dispatcher, workers, blobs, events)
-        self._aside = (self.denoising, self.previews, self.vectors, self.environments, self.path_guides)
+        self._denoisers = (self.denoising, self.previews, self.denoised_lights)
+        self._aside = (*self._denoisers, self.vectors, self.environments, self.path_guides)
 
     @property
     def wait_for_slots(self) -> bool:
@@ -68,11 +70,11 @@ class ArtifactTasks:
         match message:
             case DenoiseDone():
                 result = ArtifactResult(message.sha256, message.version, message.samples, message.seconds)
-                self.denoising.handle_answer(message.work, result)
-                self.previews.handle_answer(message.work, result)
+                for each in self._denoisers:
+                    each.handle_answer(message.work, result)
             case DenoiseFailed():
-                self.denoising.handle_answer(message.work, None, message.error, _machine_fault(message))
-                self.previews.handle_answer(message.work, None, message.error, _machine_fault(message))
+                for each in self._denoisers:
+                    each.handle_answer(message.work, None, message.error, _machine_fault(message))
             case VectorsMade():
                 self.vectors.handle_answer(message.work, ArtifactResult(message.sha256))
             case VectorsFailed():
@@ -88,8 +90,8 @@ class ArtifactTasks:
 
     def discard_job(self, job: str) -> None:
         """Discards the artifact requests and artifacts of a deleted job."""
-        self.denoising.discard_job(job)
-        self.previews.discard_job(job)
+        for each in self._denoisers:
+            each.discard_job(job)
         self.vectors.discard_job(job)
         self.path_guides.discard_job(job)
 

@@ -11,7 +11,7 @@ from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.artifact_task import ArtifactTask
 from service.scheduling.artifacts.kept_artifacts import KeptArtifacts
 
-__all__ = ["Denoising"]
+__all__ = ["DenoisedLights", "Denoising"]
 
 _GUIDE_S = 60.0  # seconds to render the guide, of a worker that may have to fetch the scene and its kernel
 _MOMENT_S = 600.0  # if the frame is compiled again
@@ -66,10 +66,10 @@ class Denoising(ArtifactTask[DenoiseFrame]):
     def _patience(self, request: DenoiseFrame) -> float:
         guide = request.guide
         more = 0.0 if guide is None else _GUIDE_S if guide.moment is None else _MOMENT_S
-        return super()._patience(request) * max(1, len(request.frames)) + more
+        return super()._patience(request) * max(1, len(request.frames), len(request.lights)) + more
 
     def _is_size(self, size: int, request: DenoiseFrame) -> bool:
-        return size == 3 * 4 * request.width * request.height
+        return size == 3 * 4 * request.width * request.height * max(1, len(request.lights))
 
     def _no_worker_error(self) -> Unavailable:
         if not self._workers.roster.ready_reports():
@@ -85,3 +85,9 @@ class Denoising(ArtifactTask[DenoiseFrame]):
                 "No worker has Open Image Denoise. Install it for one (pip install 'pyoidn>=2.5,<3'), and restart that worker.",
             ),
         )
+
+
+class DenoisedLights(Denoising):
+    """Requests for the denoised light of all light groups of a frame, which clients mix. Not kept over restarts."""
+
+    _name = Sentence("artifact-denoised-lights", "denoised light groups")

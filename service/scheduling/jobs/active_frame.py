@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from renderer import film as film_math
@@ -225,6 +225,10 @@ class ActiveFrame:
     def progress(self) -> float:
         """Fraction of the target samples that are rendered, 0 to 1."""
         return 1.0 if self.state == "finished" else min(self.samples / max(self.target_samples, 1), 0.9999)
+
+    def remaining(self) -> Iterator[tuple[int, int]]:
+        """Yields the index of each incomplete tile, and its expected remaining samples over its pixels. None before the plan."""
+        return iter(()) if self._plan is None else self._plan.remaining()
 
     def numbers(self) -> FrameNumbers:
         """Returns the frame's current progress numbers."""

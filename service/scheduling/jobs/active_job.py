@@ -31,6 +31,8 @@ __all__ = ["ActiveJob"]
 SMALLEST_BATCH_S = 0.04
 SMALLEST_CARD_MESSAGE_S = 0.1
 SMOOTHING = 0.3
+# Time constants, in seconds, of the average number of busy slots; between them it is a quarter of the time so far.
+LEAST_BUSY_S, MOST_BUSY_S = 8.0, 60.0
 WORK_PER_SLOT_S = 30.0  # seconds of work that justify another slot
 FRAMES_PER_STEP = 2000  # frames per step
 
@@ -107,6 +109,9 @@ class ActiveJob:
         self.card_rate = 0.0  # samples per second of all cards that render the job at present, set by the scheduler
         self._clock = time.monotonic()
         self._rated = (self._clock, 0)
+        self._busy = (0.0, 0.0)  # slot-seconds of rendering, and the time in which the slots took them; earlier ones count less
+        self._rated_slot_s = 0.0
+        self._work_s: float | None = None  # slot-seconds that it still needs, by the costs of its tiles; None: unknown
         self.unwritten: set[int] = set()  # frames changed since they were stored
 
     def add_frames(self, rows: Sequence[FrameRow]) -> None:
@@ -222,8 +227,12 @@ class ActiveJob:
         by_time = max(0.0, self.seconds - self.active_s) if self.seconds is not None else None
         if self.samples_per_s <= 0.0:
             return by_time
-        by_samples = max(self.target_samples - self.samples, 0) / self.samples_per_s
-        return by_samples if by_time is None else min(by_time, by_samples)
+        slot_s, wall_s = self._busy
+        if self._work_s is not None and slot_s > 0.0:  # the tiles that are left may cost many times as much as the others
+            left = self._work_s * wall_s / slot_s
+        else:
+            left = max(self.target_samples - self.samples, 0) / self.samples_per_s
+        return left if by_time is None else min(by_time, left)
 
     def queue_name(self, kind: str) -> str:
         """Returns the name of the queue through which workers of this kind get the job's batches."""
@@ -464,12 +473,33 @@ class ActiveJob:
             rate = (self.samples - samples) / (now - since)
             self.samples_per_s += (rate - self.samples_per_s) * (SMOOTHING if self.samples_per_s else 1.0)
             self._rated = (now, self.samples)
+            if self.state == "running":
+                self._rate_slots(now - since)
+
+    def _rate_slots(self, elapsed: float) -> None:
+        """Updates how many slot-seconds of rendering the job gets per second, and how many it still needs.
+
+        elapsed: seconds since the previous call.
+        """
+        done = self.rendered_s - self._rated_slot_s
+        if self._rated_slot_s > 0.0:  # before the first batch has come back, workers load the scene
+            slot_s, wall_s = self._busy
+            fade = math.exp(-elapsed / min(max(self.active_s / 4, LEAST_BUSY_S), MOST_BUSY_S))
+            self._busy = slot_s * fade + done, wall_s * fade + elapsed
+        self._rated_slot_s = self.rendered_s
+        if not self._costs.average or self.card_rate:
+            self._work_s = None
+        elif self.shot is None:
+            (frame,) = self.frames.values()
+            self._work_s = sum(samples * self._costs.future_cost(tile) for tile, samples in frame.remaining())
+        else:
+            self._work_s = max(self.target_samples - self.samples, 0) * self._costs.average
 
     def _learn_cost(self, batch: Range, seconds: float, card: str) -> None:
         rect = self.film.tiles[batch.tile]
         samples = rect.w * rect.h * batch.count
         if card:
-            self._card_costs.setdefault(card, Costs()).record(batch.tile, seconds / samples)
-        elif self._costs.record(batch.tile, seconds / samples):
+            self._card_costs.setdefault(card, Costs()).record(batch.tile, seconds, samples)
+        elif self._costs.record(batch.tile, seconds, samples):
             self.rendered += samples
             self.rendered_s += seconds

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import heapq
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 from renderer.film import least_samples
@@ -128,6 +128,11 @@ class FramePlan:
         """Expected final number of samples of the frame, over all pixels; exact without a target noise."""
         ends = (max(self._guess[i], self._limit[i]) if i in self._open else self.covered[i] for i in range(len(self.tiles)))
         return sum(t.w * t.h * end for t, end in zip(self.tiles, ends, strict=True))
+
+    def remaining(self) -> Iterator[tuple[int, int]]:
+        """Yields the index of each incomplete tile, and its expected remaining samples, over its pixels."""
+        for i in self._open:
+            yield i, self.tiles[i].w * self.tiles[i].h * max(max(self._guess[i], self._limit[i]) - self.covered[i], 0)
 
     @property
     def samples(self) -> int:

@@ -9,6 +9,8 @@ import io
 import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
@@ -22,7 +24,7 @@ from renderer.image import rgbe9995, tonemap
 from renderer.image.encode import encode
 from service.store.films import Contribution, Film
 from service.store.tile_cache import TileCache
-from service.watching.pictures import PictureRequest, picture_file, picture_memory
+from service.watching.pictures import PictureRequest, display_picture, picture_file, picture_memory
 from tests.grids import grid
 from tests.service.peer_worker import expected_sums
 
@@ -151,3 +153,15 @@ def test_radiance_file_memory_is_independent_of_height(film: Film) -> None:
     higher = Film(Path("none"), WIDTH, 10 * HEIGHT, TILE, 24, TileCache(1))
     for wish in (PictureRequest("exr"), PictureRequest("hdr"), ALL):
         assert picture_memory(higher, wish) == picture_memory(film, wish)
+
+
+def test_denoised_light_groups_are_mixed_as_they_are_read() -> None:
+    """A file of denoised light groups has, for each row of pixels, the rows of all groups."""
+    size = SimpleNamespace(width=5, height=130, is_transparent=False)  # more rows than are read at once
+    lights = np.random.default_rng(1).random((2, size.height, size.width, 3), np.float32)
+    gains = ((2.0, 1.0, 0.5), (0.0, 0.25, 1.0))
+    stored = np.stack([*lights], axis=1).tobytes()
+    request = PictureRequest("png", denoised=lambda: io.BytesIO(stored), lights=2, gains=gains, curve="srgb")
+    mixed = np.asarray(gains[0], np.float32) * lights[0] + np.asarray(gains[1], np.float32) * lights[1]
+    shown = display_picture(cast(Film, size), 0, request)
+    assert np.abs(shown.astype(int) - tonemap.apply(mixed, 0.0, "srgb").astype(int)).max() <= 1

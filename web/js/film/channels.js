@@ -16,6 +16,12 @@ export const DENOISED_CHANNEL = { name: DENOISED, label: t("Denoised"), help: ""
 /** The colour as a mix of the light groups' planes (light-mix.js). */
 export const MIX = "mix";
 
+/** The same of the denoised light groups; of the raw ones while there are none. */
+export const DENOISED_MIX = "denoised-mix";
+
+/** @type {Channel} */
+const DENOISED_MIX_CHANNEL = { name: DENOISED_MIX, label: t("Light mix, denoised"), help: "", values: ["R", "G", "B"] };
+
 /** @type {Channel} */
 const MIX_CHANNEL = { name: MIX, label: t("Light mix"), help: "", values: ["R", "G", "B"] };
 
@@ -91,5 +97,5 @@ export function channelOf(name) {
   if (path) return path;
   const group = lightGroupOf(name);
   if (group !== null) return lightChannel(group);
-  return [...channels(), ALPHA_CHANNEL, DENOISED_CHANNEL, MIX_CHANNEL].find((channel) => channel.name === name) ?? COLOUR;
+  return [...channels(), ALPHA_CHANNEL, DENOISED_CHANNEL, MIX_CHANNEL, DENOISED_MIX_CHANNEL].find((channel) => channel.name === name) ?? COLOUR;
 }

@@ -17,6 +17,8 @@ export class FilmLayer {
     this.gl = gl;
     this.changed = changed;
     this.gotTile = gotTile;
+    /** Called before a film replaces another one gradually. */
+    this.beforeFade = () => {};
     /** @type {Film | null} */
     this.film = null;
     /** Shown instead of the film. @type {ImageBitmap | null} */
@@ -38,9 +40,10 @@ export class FilmLayer {
     return this.image ?? this.film;
   }
 
-  /** @param {Film | null} film of a size that textures may have */
-  setFilm(film) {
+  /** @param {Film | null} film of a size that textures may have @param {{fades?: boolean}} [how] fades: whether what is shown fades into it */
+  setFilm(film, { fades = false } = {}) {
     if (this.film === film && !this.image) return;
+    if (fades) this.beforeFade();
     this.dropImage();
     this.film = film;
     this.upload();

@@ -8,11 +8,16 @@ import { FilmCanvas } from "./film-canvas.js";
 import { highRangeOn } from "./high-range.js";
 import { panAndZoom } from "./pan-zoom.js";
 import { PixelOverlay } from "./pixel-overlay.js";
-import { Poster } from "./poster.js";
+import { Poster, placeOver } from "./poster.js";
 import { Viewport } from "./viewport.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("./film-canvas.js").Look} Look */
+
+/** Durations, in milliseconds, in which a picture fades into a better one, and moves from where the page before had it. */
+const [FADE_MS, GLIDE_MS] = [200, 200];
+
+const movesLittle = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 /**
  * @typedef {object} FilmHandlers
@@ -31,7 +36,8 @@ export class FilmView {
     this.viewport = new Viewport();
     const canvas = h("canvas", { class: "film", role: "img", "aria-label": t("The picture") });
     const overlay = h("canvas", { class: "over", "aria-hidden": "true" });
-    this.element = h("div", { class: "stage" }, canvas, overlay);
+    this.edge = h("div", { class: "edge", "aria-hidden": "true", hidden: true });
+    this.element = h("div", { class: "stage" }, canvas, this.edge, overlay);
     this.size = { width, height };
     this.over = new PixelOverlay(overlay, this.viewport, { width, height }, (cx) => this.filmAt(cx));
     this.canvas = new FilmCanvas(canvas, overlay, this.viewport);
@@ -42,12 +48,22 @@ export class FilmView {
     this.poster = null;
     this.wantsHigh = false;
     this.isDisposed = false;
+    /** Where the page before had the picture, until this one has moved it to its place. @type {DOMRect | null} */
+    this.origin = null;
+    /** What fades out over the picture that replaces it. @type {HTMLElement | null} */
+    this.fading = null;
+    for (const layer of this.layers) layer.beforeFade = () => this.fade();
     this.canvas.afterDraw = () => {
       this.over.draw();
       this.placePoster();
+      this.edge.hidden = this.canvas.sideBySide || !canvas.style.width;
+      placeOver(this.edge, this.viewport, canvas);
+      this.glide();
       // The picture's position, for tests that compare screenshots with films.
       const { scale, x, y } = this.viewport;
-      this.element.dataset.view = `${scale} ${x} ${y}`;
+      const place = `${scale} ${x} ${y}`;
+      if (place !== this.element.dataset.view) this.endFade();
+      this.element.dataset.view = place;
       handlers.moved();
     };
     /** @param {MouseEvent} event */
@@ -120,9 +136,52 @@ export class FilmView {
       this.poster.place(this.viewport, this.canvas.canvas);
       return;
     }
-    this.poster.element.remove();
+    this.fadeOut(this.poster.element);
     this.poster = null;
     this.element.dataset.film = "here";
+  }
+
+  /** Moves the picture once from where the page before had it. */
+  glide() {
+    const { origin, viewport, canvas } = this;
+    const { style } = canvas.canvas;
+    if (!origin?.width || !style.width) return; // not laid out yet
+    this.origin = null;
+    if (movesLittle()) return;
+    const stage = this.element.getBoundingClientRect();
+    const ratio = devicePixelRatio;
+    const scale = (origin.width * ratio) / (viewport.picture.width * viewport.scale);
+    const x = origin.left - stage.left - scale * (parseFloat(style.left) + viewport.x / ratio);
+    const y = origin.top - stage.top - scale * (parseFloat(style.top) + viewport.y / ratio);
+    if (Math.abs(x) < 1 && Math.abs(y) < 1 && Math.abs(scale - 1) < 0.01) return;
+    const from = { transform: `translate(${x}px, ${y}px) scale(${scale})`, transformOrigin: "0 0" };
+    this.element.animate([from, { transform: "none", transformOrigin: "0 0" }], { duration: GLIDE_MS, easing: "cubic-bezier(0.2, 0, 0, 1)" });
+  }
+
+  /** Keeps what is shown over the canvas while it fades; called before a picture is replaced. */
+  fade() {
+    const { canvas } = this.canvas;
+    if (this.poster || this.canvas.high || this.isDisposed || movesLittle() || !canvas.style.width || document.hidden) return; // a poster fades itself
+    const copy = h("canvas", { "aria-hidden": "true", width: canvas.width, height: canvas.height });
+    copy.style.cssText = canvas.style.cssText;
+    this.canvas.draw(); // WebGL keeps its picture only until the next frame
+    copy.getContext("2d")?.drawImage(canvas, 0, 0);
+    this.fadeOut(copy);
+  }
+
+  /** Lays an element over the canvas, and removes it once it has faded. @param {HTMLElement} element */
+  fadeOut(element) {
+    this.endFade();
+    if (movesLittle()) return element.remove();
+    this.canvas.canvas.after(element);
+    this.fading = element;
+    element.classList.add("fading");
+    element.animate([{ opacity: 1 }, { opacity: 0 }], { duration: FADE_MS, easing: "ease-in-out", fill: "forwards" }).onfinish = () => element.remove();
+  }
+
+  endFade() {
+    this.fading?.remove();
+    this.fading = null;
   }
 
   /** Shows the picture with the display's high dynamic range, where that can be had. @param {boolean} on */

@@ -82,6 +82,8 @@ export class LiveFilm {
     this.isAgain = this.look !== null && first?.isPrevious === true;
     /** URL of a picture without noise that is shown until the job's own is denoised; "": none. */
     this.clean = (job.denoise && first?.clean) || "";
+    /** Where the page before had the picture; null: nowhere. @type {DOMRect | null} */
+    this.place = first?.place ?? null;
     /** Whether a poster is shown until the film is here. */
     this.hasPoster = hasSamples || this.clean !== "";
     if (first && !this.clean && !first.film.isBlank) this.film.restart(first.film); // tiles of another view replace it one by one

@@ -1,6 +1,6 @@
 /** The growing picture of a job, its AOVs, and its denoised copy instead of it or beside it. */
 
-import { DENOISED, MIX } from "./channels.js";
+import { DENOISED, DENOISED_MIX, MIX } from "./channels.js";
 import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { jobRowOf, shownUrl } from "../news/shown-images.js";
 import { workers } from "../news/farm.js";
@@ -58,7 +58,9 @@ export function livePicture(job, display, life, changed, frame) {
 
   const poster = posterOf(job, live.frame, display.value);
   const isClean = job.denoise || display.value.denoise !== "off"; // without a preview the noisy one stays
-  stage.view?.setPoster(live.clean || (poster?.near ?? null), isClean && !live.clean && !isSmall(job) ? poster?.clean : "", live.clean ? "" : poster?.nearest);
+  stage.view?.setPoster(live.clean || (poster?.near ?? null), isClean && !live.clean && !live.look && !isSmall(job) ? poster?.clean : "", live.clean ? "" : poster?.nearest);
+  if (stage.view) stage.view.origin = live.place;
+  queueMicrotask(() => stage.element.isConnected && stage.view?.canvas.resize()); // in its place from the first frame
   void Promise.race([stage.view?.poster?.loaded, new Promise((resolve) => setTimeout(resolve, POSTER_MS))]).then(isPosterHere);
 
   let latest = job;
@@ -74,12 +76,13 @@ export function livePicture(job, display, life, changed, frame) {
   life.add(
     display.subscribe((look) => {
       const mixed = look.channel === "" && isMixed(look.mix);
-      const denoised = look.denoise !== "off" && look.channel === "" && !mixed;
+      const denoised = look.denoise !== "off" && look.channel === "";
+      const isMixSeen = mixed && look.denoise !== "on"; // its planes are fetched
       stage.view?.setLook(look);
       stage.view?.poster?.element.classList.toggle("smooth", denoised && !live.clean && perPixel(job) < NOISY_SPP);
       stage.arrange({
-        left: mixed ? { live, channel: MIX, mix: look.mix } : { live, channel: look.channel, name: look.channel === "" ? t("Raw") : undefined },
-        right: denoised ? { live, channel: DENOISED } : null,
+        left: isMixSeen ? { live, channel: MIX, mix: look.mix } : { live, channel: look.channel, name: look.channel === "" ? t("Raw") : undefined },
+        right: denoised ? { live, channel: mixed ? DENOISED_MIX : DENOISED, mix: look.mix } : null,
         wipe: look.denoise === "wipe" ? look.wipe : null,
       });
       outline();

@@ -6,16 +6,16 @@
 
 import { fetchImage, fetchWords } from "../news/api.js";
 import { AlphaPlane } from "./alpha-plane.js";
-import { DENOISED, MIX, channelOfLight, lightGroupOf } from "./channels.js";
+import { DENOISED, DENOISED_MIX, MIX, channelOfLight, lightGroupOf } from "./channels.js";
 import { Film } from "./film.js";
 import { gainsOf, mixWords } from "./light-mix.js";
 import { Store } from "../base/store.js";
 
 /**
  * The source of a side's pictures: a job's growing film, or another object with the same interface. `job` is "" if there
- * is no job. `isRendering`, `look`, `isAgain`, `hasPoster` and `side` are those of a LiveFilm. `hasSamples` is false for a picture that no farm has rendered. `isTransparent` is true if it has an alpha plane.
+ * is no job. `isRendering`, `look`, `clean`, `isAgain`, `hasPoster` and `side` are those of a LiveFilm. `hasSamples` is false for a picture that no farm has rendered. `isTransparent` is true if it has an alpha plane.
  *
- * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean, isTransparent?: boolean, isRendering?: boolean, look?: Film | null, isAgain?: boolean, hasPoster?: boolean, side?: number}} FilmSource
+ * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean, isTransparent?: boolean, isRendering?: boolean, look?: Film | null, clean?: string, isAgain?: boolean, hasPoster?: boolean, side?: number}} FilmSource
  */
 
 /** Minimum interval between refreshes of a stale picture. */
@@ -25,8 +25,11 @@ const SETTLE_MS = 300;
 const PREVIEW_MS = 400;
 /** Time after which a preview that could not be made or fetched is asked for again. */
 const FAILED_MS = 10_000;
-/** Samples per pixel from which a preview replaces the live view's picture, even if that has more. */
-const ENOUGH_SAMPLES = 8;
+/**
+ * Samples per pixel of every tile from which a preview replaces the picture that the job began with: with fewer, denoising smears and
+ * frays. After START_MS with samples everywhere, a preview of fewer does; it shows the scene's light as the job renders it.
+ */
+const [ENOUGH_SAMPLES, FEW_SAMPLES, START_MS] = [16, 4, 8000];
 /** Time, in milliseconds, after which a finished picture is shown with its noise, if the denoised one has not come. */
 const NOISE_AFTER_MS = 5000;
 
@@ -42,8 +45,11 @@ const NOISE_AFTER_MS = 5000;
  * @property {unknown} error why it could not be fetched
  */
 
+/** @param {string} channel */
+const isMix = (channel) => channel === MIX || channel === DENOISED_MIX;
+
 /** Whether a channel is fetched as radiance, not as an image. @param {string} channel */
-const hasWords = (channel) => channel === DENOISED || channel === MIX || lightGroupOf(channel) !== null;
+const hasWords = (channel) => channel === DENOISED || isMix(channel) || lightGroupOf(channel) !== null;
 
 export class PictureSide {
   /**
@@ -56,10 +62,12 @@ export class PictureSide {
     this.state = new Store(/** @type {SideState} */ ({ channel: "", waiting: false, stale: false, error: null }));
     /** The denoised film, that of a light group or of a mix, if that channel is selected and loaded. @type {Film | null} */
     this.fetched = null;
-    /** What the channel MIX shows. @type {readonly import("./light-mix.js").Strip[]} */
+    /** What the channels MIX and DENOISED_MIX show. @type {readonly import("./light-mix.js").Strip[]} */
     this.mix = [];
-    /** The planes of the light groups, in the order of the mix, while the channel is MIX and they are loaded. @type {Uint32Array[] | null} */
+    /** The planes of the light groups, in the order of the mix, while the channel is a mix and they are loaded. @type {Uint32Array[] | null} */
     this.planes = null;
+    /** Whether the planes are denoised. */
+    this.hasCleanPlanes = false;
     this.mixing = 0;
     /** Number of samples in the shown picture; Infinity while none is loaded. */
     this.madeOf = Infinity;
@@ -70,6 +78,8 @@ export class PictureSide {
     this.isPreview = false;
     /** When the next preview may be asked for. */
     this.previewAt = 0;
+    /** When every tile had samples first. @type {number | undefined} */
+    this.coveredAt = undefined;
     this.timer = setInterval(() => this.isOld() && void this.fetch(), EVERY_MS);
     this.previewTimer = setInterval(() => this.lookAgain(), PREVIEW_MS);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -112,26 +122,31 @@ export class PictureSide {
   isOld() {
     const { channel, stale, waiting, error } = this.state.value;
     if (waiting || error) return false;
+    if (channel === DENOISED_MIX && !this.live.isRendering && !this.hasCleanPlanes) return true;
     if (channel !== DENOISED) return stale;
     if (this.live.isRendering || this.live.film.total === 0) return false;
     return this.isPreview || this.madeOf === Infinity || (stale && this.live.finished);
   }
 
-  /** Whether a preview is to be fetched: of every tile, better than what is shown, and while the page is seen. */
+  /** Whether a preview is to be fetched: of every tile, better than what is shown (also than the picture that the job began with), and while the page is seen. */
   isPreviewDue() {
     const { channel, waiting } = this.state.value;
-    const { film, look, isAgain, side = 0, isRendering } = this.live;
+    const { film, look, clean, isAgain, side = 0, isRendering } = this.live;
     if (channel !== DENOISED || !isRendering || waiting || document.hidden || performance.now() < this.previewAt) return false;
     if (this.madeOf !== Infinity) return film.total >= 2 * this.madeOf;
-    const enough = look ? Math.min(look.total, isAgain ? Infinity : ENOUGH_SAMPLES * film.width * film.height) : 0;
-    return side > 0 && film.total >= enough && film.tileSamples(side).every((samples) => samples > 0);
+    const least = side > 0 ? Math.min(...film.tileSamples(side)) : 0;
+    if (least === 0) return false;
+    this.coveredAt ??= performance.now();
+    if (isAgain && look) return film.total >= look.total;
+    if (!look && !clean) return true;
+    return least >= ENOUGH_SAMPLES || (least >= FEW_SAMPLES && performance.now() - this.coveredAt > START_MS);
   }
 
   /** Fetches a denoised picture that is due; until the first has come, shows the film once it has less noise than the live view's picture. */
   lookAgain() {
     const { film, look } = this.live;
     if (look && this.layer.film === look && this.awaitsDenoised() && perPixel(film) > perPixel(look)) {
-      this.layer.setFilm(film);
+      this.layer.setFilm(film, { fades: true });
       this.state.update((state) => ({ ...state }));
     }
     const { isPreview, isLast } = this.state.value;
@@ -152,6 +167,31 @@ export class PictureSide {
   /** Whether the picture of an earlier job is shown. */
   showsEarlier() {
     return this.live.isAgain === true && this.layer.film === this.live.look;
+  }
+
+  /** Whether the picture that the job began with is shown: that of the live view or of its preview mesh. */
+  showsStart() {
+    const { look, clean } = this.live;
+    if (this.state.value.channel !== DENOISED || this.fetched) return false;
+    return look ? this.layer.film === look : Boolean(clean) && this.layer.film?.isBlank === true;
+  }
+
+  /** Whether a mix is shown with its noise. */
+  showsRawMix() {
+    return this.state.value.channel === DENOISED_MIX && !this.hasCleanPlanes;
+  }
+
+  /** Whether nothing of the picture is there yet, nor something that stands in for it. */
+  isEmpty() {
+    const { film, hasPoster } = this.live;
+    return !hasPoster && !this.fetched && !this.layer.image && film.total === 0 && !this.showsStart();
+  }
+
+  /** Samples per pixel of the denoised picture that is shown while the job renders; null for other pictures. */
+  previewSpp() {
+    const { film, isRendering } = this.live;
+    if (this.state.value.channel !== DENOISED || !this.fetched || !isRendering || !Number.isFinite(this.madeOf)) return null;
+    return Math.max(1, Math.floor(this.madeOf / (film.width * film.height)));
   }
 
   /** Leaves a picture's poster, whose noise is not visible, in the place of a film that is not here yet, until it is denoised. */
@@ -182,6 +222,7 @@ export class PictureSide {
     this.fetching.abort();
     this.fetched = null;
     this.planes = null;
+    this.hasCleanPlanes = false;
     this.madeOf = Infinity;
     this.isPreview = false;
     if (channel === DENOISED && this.live.isRendering) {
@@ -215,6 +256,7 @@ export class PictureSide {
       return;
     }
     this.fetching.abort();
+    this.hasCleanPlanes = false;
     this.madeOf = Infinity;
     this.state.set({ channel, waiting: true, stale: false, error: null });
     clearTimeout(this.settling);
@@ -239,15 +281,10 @@ export class PictureSide {
     const wantsPreview = channel === DENOISED && (this.live.isRendering === true || (!this.fetched && this.live.isRendering === false));
     this.state.update((state) => ({ ...state, waiting: true, error: null, isPreview: wantsPreview, isLast: !this.live.isRendering, isImproved: channel === DENOISED && this.fetched !== null }));
     try {
-      if (channel === MIX) {
-        const { width, height } = this.live.film;
-        const planes = await Promise.all(this.mix.map(({ name }) => fetchWords(this.live, { aov: channelOfLight(name) }, signal)));
-        if (signal.aborted) return;
-        this.madeOf = Math.min(...planes.map(({ samples }) => samples));
-        this.planes = planes.map(({ words }) => words);
-        this.fetched = new Film(width, height, new Uint32Array(width * height));
-        mixWords(this.planes, gainsOf(this.mix), this.fetched.words);
-        this.layer.setFilm(this.fetched);
+      if (isMix(channel)) {
+        if (!this.hasCleanPlanes) await this.fetchPlanes({}, signal);
+        // Each group once it is at rest; a mix then costs nothing.
+        if (channel === DENOISED_MIX && !this.live.isRendering) await this.fetchPlanes({ denoise: "true" }, signal);
       } else if (hasWords(channel)) {
         const { width, height } = this.live.film;
         /** @type {Record<string, string>} */
@@ -259,7 +296,7 @@ export class PictureSide {
         this.previewAt = performance.now() + (samples === this.madeOf ? EVERY_MS : 0); // the farm made no other yet
         this.madeOf = samples;
         this.fetched = new Film(width, height, words);
-        this.layer.setFilm(this.fetched);
+        this.layer.setFilm(this.fetched, { fades: channel === DENOISED });
       } else {
         const { image, samples, span } = await fetchImage(this.live, { aov: channel }, signal);
         if (signal.aborted) return image.close();
@@ -275,6 +312,20 @@ export class PictureSide {
     } finally {
       if (!signal.aborted) this.state.update((state) => ({ ...state, waiting: false, stale: this.filmHasMoreSamples() }));
     }
+  }
+
+  /** Fetches and shows the planes of a mix. @param {Record<string, string>} wish parameters of the planes @param {AbortSignal} signal */
+  async fetchPlanes(wish, signal) {
+    const { width, height } = this.live.film;
+    const planes = await Promise.all(this.mix.map(({ name }) => fetchWords(this.live, { aov: channelOfLight(name), ...wish }, signal)));
+    if (signal.aborted) return;
+    this.madeOf = Math.min(...planes.map(({ samples }) => samples));
+    this.planes = planes.map(({ words }) => words);
+    this.hasCleanPlanes = "denoise" in wish;
+    this.fetched = new Film(width, height, new Uint32Array(width * height));
+    mixWords(this.planes, gainsOf(this.mix), this.fetched.words);
+    this.layer.setFilm(this.fetched, { fades: this.hasCleanPlanes });
+    this.state.update((state) => ({ ...state }));
   }
 
   dispose() {

@@ -2,6 +2,7 @@
 
 import { channelOf } from "./channels.js";
 import { h, setText } from "../base/dom.js";
+import { count } from "../base/format.js";
 import { CannotShow } from "./film-canvas.js";
 import { FilmView } from "./film-view.js";
 import { emptyState } from "../shell/hints.js";
@@ -10,7 +11,7 @@ import { PixelReadout } from "./pixel-readout.js";
 import { rememberPlace } from "./view-place.js";
 import { wipeDivider } from "./wipe.js";
 import { zoomControls } from "./zoom-controls.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("./picture-side.js").FilmSource} FilmSource */
 
@@ -18,7 +19,7 @@ import { t } from "../base/words.js";
  * @typedef {object} Side
  * @property {FilmSource} live
  * @property {string} channel
- * @property {readonly import("./light-mix.js").Strip[]} [mix] of the channel MIX
+ * @property {readonly import("./light-mix.js").Strip[]} [mix] of the channels MIX and DENOISED_MIX
  * @property {string} [name] what it is called beside the other; its channel's where left out
  */
 
@@ -102,12 +103,18 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
     const both = seen.every(Boolean);
     for (const i of /** @type {const} */ ([0, 1])) {
       const side = parts[i]?.side;
-      const { channel = "", waiting = false, isImproved = false } = side?.state.value ?? {};
-      const name = (i ? right : left)?.name ?? channelOf(channel).label;
+      const { channel = "", waiting = false, isImproved = false, isPreview = false } = side?.state.value ?? {};
+      const given = (i ? right : left)?.name;
+      const name = given ?? channelOf(channel).label;
       const tag = /** @type {HTMLElement} */ (tags[i]);
+      const spp = side?.previewSpp() ?? null;
       if (side?.showsEarlier()) setText(tag, t("Earlier picture, until this one is as clear"));
-      else setText(tag, `${name}${(waiting && !isImproved) || side?.awaitsDenoised() ? " …" : ""}`);
-      tag.hidden = !seen[i] || (!both && channel === "");
+      else if (side?.showsRawMix()) setText(tag, `${t("Light mix")}${waiting ? " …" : ""}`);
+      else if (side?.showsStart()) setText(tag, t("Preview"));
+      else if (side?.awaitsDenoised() && !given) setText(tag, waiting ? t("Denoising …") : t("Raw"));
+      else if (spp !== null && !given) setText(tag, tn(spp, "{name}, {n} sample", "{name}, {n} samples", { name, n: count(spp) }));
+      else setText(tag, `${name}${(waiting && !isImproved) || isPreview || side?.awaitsDenoised() ? " …" : ""}`);
+      tag.hidden = !seen[i] || (!both && (channel === "" || side?.isEmpty() === true));
       tag.classList.toggle("alone", !both);
       parts[i]?.readout.setName(both ? name : "");
       if (parts[i]) parts[i].readout.element.hidden = !seen[i];

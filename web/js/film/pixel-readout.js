@@ -4,7 +4,7 @@
  */
 
 import { getPixel } from "../news/api.js";
-import { DENOISED, MIX, channelOf, lightGroupOf } from "./channels.js";
+import { DENOISED, DENOISED_MIX, MIX, channelOf, lightGroupOf } from "./channels.js";
 import { h, setText } from "../base/dom.js";
 import { LiveFilm } from "./live-film.js";
 import { mixPixel } from "./light-mix.js";
@@ -93,7 +93,7 @@ export class PixelReadout {
     this.show(side.film?.at(at.x, at.y).rgb.map(radiance) ?? [], samples, false);
     const { channel } = side.state.value;
     const isNow = side.live instanceof LiveFilm && !side.played;
-    if (isNow && samples && channel !== DENOISED) this.timer = setTimeout(() => this.ask(at, channel), REST_MS);
+    if (isNow && samples && channel !== DENOISED && channel !== DENOISED_MIX) this.timer = setTimeout(() => this.ask(at, channel), REST_MS);
   }
 
   /** @param {{x: number, y: number}} at @param {string} channel */

@@ -6,6 +6,7 @@
 
 import { h } from "../base/dom.js";
 import { showImage } from "../news/images.js";
+import { takePrepared } from "./first-look.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("./viewport.js").Viewport} Viewport */
@@ -17,6 +18,11 @@ export class Poster {
     /** Resolves when the image is shown, or cannot be. @type {Promise<void>} */
     this.loaded = Promise.resolve();
     if (!url) return;
+    const known = takePrepared(url);
+    if (known) {
+      this.element.append(known);
+      return;
+    }
     const image = h("img", { alt: "", decoding: "sync", fetchpriority: "high" });
     const word = h("p", { class: "small quiet" }, nearest ? "" : t("Loading the picture …"));
     this.element.classList.add("loading");
@@ -24,7 +30,9 @@ export class Poster {
     const place = this.element.style;
     if (nearest) place.backgroundImage = `url("${nearest}")`;
     const fillEdges = () => (place.backgroundImage = `url("${url}")`); // under the image, whose edges are transparent where it is blurred
-    if (!url.includes("/image.png")) image.addEventListener("load", fillEdges, { once: true });
+    const hasAlpha = url.includes("/image.png"); // as thumbnailFormat requests a transparent background
+    this.element.classList.toggle("has-alpha", hasAlpha);
+    if (!hasAlpha) image.addEventListener("load", fillEdges, { once: true });
     if (sharp) this.sharpen(sharp);
     const loaded = () => (word.remove(), this.element.classList.remove("loading"));
     this.loaded = showImage(image, url).then(loaded, () => (loaded(), image.remove())); // a picture without samples; the stage shows the reason
@@ -39,12 +47,16 @@ export class Poster {
   }
 
   /** @param {Viewport} viewport @param {HTMLCanvasElement} canvas in front of the poster */
-  place({ x, y, scale, picture }, canvas) {
-    const ratio = devicePixelRatio;
-    const { style } = this.element;
-    style.left = `${parseFloat(canvas.style.left || "0") + x / ratio}px`;
-    style.top = `${parseFloat(canvas.style.top || "0") + y / ratio}px`;
-    style.width = `${(picture.width * scale) / ratio}px`;
-    style.height = `${(picture.height * scale) / ratio}px`;
+  place(viewport, canvas) {
+    placeOver(this.element, viewport, canvas);
   }
+}
+
+/** Lays an element where a viewport has the picture. @param {HTMLElement} element @param {Viewport} viewport @param {HTMLCanvasElement} canvas of the picture */
+export function placeOver({ style }, { x, y, scale, picture }, canvas) {
+  const ratio = devicePixelRatio;
+  style.left = `${parseFloat(canvas.style.left || "0") + x / ratio}px`;
+  style.top = `${parseFloat(canvas.style.top || "0") + y / ratio}px`;
+  style.width = `${(picture.width * scale) / ratio}px`;
+  style.height = `${(picture.height * scale) / ratio}px`;
 }

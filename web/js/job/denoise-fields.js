@@ -1,10 +1,8 @@
-/** The denoised picture: instead of the raw one or beside it, its progress, and whether it is outdated. */
+/** The denoised picture: instead of the raw one or beside it, why it could not be made, and whether it is outdated. Its tag on the stage has its progress. */
 
 import { h, setText } from "../base/dom.js";
 import { segments } from "../forms/fields.js";
-import { isMixed } from "../film/light-mix.js";
 import { icon } from "../base/icons.js";
-import { progressBar } from "../shell/state-chip.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../film/picture-side.js").SideState} SideState */
@@ -15,7 +13,7 @@ export const DENOISE_MODES = /** @type {const} */ (["off", "wipe", "on"]);
 /**
  * @param {DisplayStore} display
  * @param {() => void} renew denoises what the film has now
- * @returns {{element: HTMLElement, update: (state: SideState | null) => void, setRendering: (is: boolean) => void}} update: with null if nothing is denoised
+ * @returns {{element: HTMLElement, update: (state: SideState | null) => void}} update: with null if nothing is denoised
  */
 export function denoiseFields(display, renew) {
   const choice = segments(
@@ -35,8 +33,6 @@ export function denoiseFields(display, renew) {
     setText(why, reason);
     why.hidden = reason === "";
   });
-  const bar = progressBar(t("Denoising"));
-  bar.update(null);
   const said = h("p", { class: "small", role: "status", hidden: true });
   const again = h(
     "button",
@@ -44,41 +40,21 @@ export function denoiseFields(display, renew) {
     icon("refresh"),
     t("Denoise again"),
   );
-  const element = h("div", { class: "stack tight", hidden: true }, choice.element, why, bar.element, said, again);
-  /** @type {SideState | null} */
-  let latest = null;
-  let isRendering = true;
-  const show = () => {
-    const state = latest;
-    const { error, isPreview = false, isLast = false } = state ?? {};
-    bar.element.hidden = !state?.waiting || isPreview;
-    const isImproved = Boolean(isPreview ? isLast && (state?.isImproved || !state?.waiting) : state?.waiting && state.isImproved);
-    const sentence = isPreview && !isLast && isRendering && !error
-      ? t("Renewed when its samples have doubled.")
-      : isImproved && !error
-      ? t("A preview until the final one is ready")
-      : state?.waiting
-      ? t("Denoising …")
-      : error
-        ? t("Not denoised. {error}", { error: error instanceof Error ? error.message : String(error) })
-        : state?.stale
-          ? t("New samples have come since it was denoised.")
-          : "";
-    setText(said, sentence);
-    said.hidden = sentence === "";
-    said.classList.toggle("bad", Boolean(error) && !state?.waiting);
-    again.hidden = !state || state.waiting || !((state.stale && !isPreview) || error);
-  };
+  const element = h("div", { class: "stack tight", hidden: true }, choice.element, why, said, again);
   return {
     element,
     update(state) {
-      latest = state;
-      show();
-    },
-    setRendering(is) {
-      if (is === isRendering) return;
-      isRendering = is;
-      show();
+      const { error, waiting = false, stale = false, isPreview = false } = state ?? {};
+      const sentence = waiting
+        ? ""
+        : error
+          ? t("Not denoised. {error}", { error: error instanceof Error ? error.message : String(error) })
+          : stale && !isPreview
+            ? t("New samples have come since it was denoised.")
+            : "";
+      setText(said, sentence);
+      again.hidden = said.hidden = sentence === "";
+      said.classList.toggle("bad", Boolean(error));
     },
   };
 }
@@ -86,12 +62,9 @@ export function denoiseFields(display, renew) {
 /**
  * Returns why the picture cannot be denoised as it is displayed; "" if it can.
  *
- * @param {Pick<import("./display-panel.js").Display, "channel" | "mix">} look
+ * @param {Pick<import("./display-panel.js").Display, "channel">} look
  */
-export function whyNotDenoised({ channel, mix }) {
-  if (channel !== "") return t("Only the colour can be denoised");
-  return isMixed(mix) ? t("A light mix cannot be denoised: it is made of the raw lights") : "";
-}
+export const whyNotDenoised = ({ channel }) => (channel === "" ? "" : t("Only the colour can be denoised"));
 
 /** Whether a connected worker can denoise. @param {import("../base/types.js").Worker[] | null} all */
 export const canDenoise = (all) => (all ?? []).some(({ denoises }) => denoises);

@@ -133,11 +133,11 @@ export function clampExposure(exposure) {
 /**
  * @param {Store<Display>} display
  * @param {Record<string, any> | null} settings the job's, for its light groups
- * @param {{normalise: () => void, denoise: () => void}} actions denoise: anew, the picture having more samples now
- * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, updateHeat: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void, update: (job: import("../base/types.js").Job) => void, showHands: (outlines: import("../film/pixel-overlay.js").Outline[]) => void}}
+ * @param {{normalise: () => void, denoise: () => void, usual: number}} actions denoise: anew, the picture having more samples now; usual: the job's exposure, in stops
+ * @returns {{element: HTMLElement, outlined: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, updateHeat: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void, update: (job: import("../base/types.js").Job) => void, showHands: (outlines: import("../film/pixel-overlay.js").Outline[]) => void}}
  */
-export function displayPanel(display, settings, { normalise, denoise: renew }) {
-  const exposure = exposureField(display, normalise);
+export function displayPanel(display, settings, { normalise, denoise: renew, usual }) {
+  const exposure = exposureField(display, normalise, usual);
   const curve = curveField(display);
   const denoise = denoiseFields(display, renew);
   const channel = h(
@@ -191,16 +191,14 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
     h("div", { class: "look-choices" }, channelField, curve),
     heat,
     colourOnly,
-    outline,
-    legend,
   );
+  const outlined = h("section", { class: "side-section stack tight", "aria-label": t("Tiles") }, outline, legend);
   /** @param {boolean} can */
   const offerDenoise = (can) => (denoise.element.hidden = !can && display.value.denoise === "off");
   /** Offers outlines only while tiles are, or may still be, rendered. @param {import("../base/types.js").Job} job */
   const update = ({ state }) => {
     const isOpen = ["queued", "running", "paused"].includes(state);
-    outline.hidden = !isOpen;
-    denoise.setRendering(isOpen);
+    outlined.hidden = !isOpen;
   };
   /** @param {import("../film/pixel-overlay.js").Outline[]} outlines of the tiles in hand */
   const showHands = (outlines) => {
@@ -218,7 +216,7 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
     heat.hidden = !span;
     if (span) fill(heat, heatBar(name, span[0], span[1]));
   };
-  return { element, updateDenoise: denoise.update, updateHeat, offerDenoise, update, showHands };
+  return { element, outlined, updateDenoise: denoise.update, updateHeat, offerDenoise, update, showHands };
 }
 
 /**
@@ -250,9 +248,10 @@ function curveField(display) {
  * @template {{exposure: number}} T
  * @param {Store<T>} display
  * @param {() => void} normalise
+ * @param {number} [usual] exposure that *Reset* sets, in stops
  * @returns {HTMLElement}
  */
-function exposureField(display, normalise) {
+function exposureField(display, normalise, usual = 0) {
   const value = h("output", { class: "mono" });
   const slider = h("input", {
     type: "range",
@@ -269,7 +268,7 @@ function exposureField(display, normalise) {
       type: "button",
       "aria-label": t("Reset"),
       title: t("Reset (R)"),
-      onclick: () => display.update((d) => ({ ...d, exposure: 0 })),
+      onclick: () => display.update((d) => ({ ...d, exposure: clampExposure(usual) })),
     },
     icon("undo"),
   );
@@ -292,7 +291,7 @@ function exposureField(display, normalise) {
     setText(value, `${stops(d.exposure)} EV`);
     slider.valueAsNumber = d.exposure;
     slider.setAttribute("aria-valuetext", `${d.exposure.toFixed(1)} stops`);
-    reset.style.visibility = d.exposure === 0 ? "hidden" : ""; // keeps its space, so that the slider does not move while dragged
+    reset.style.visibility = d.exposure === clampExposure(usual) ? "hidden" : ""; // keeps its space, so that the slider does not move while dragged
   });
   return exposure;
 }

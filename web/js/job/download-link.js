@@ -10,10 +10,10 @@ import { showError } from "../shell/tray.js";
  * @param {string} text
  * @param {string} hint
  * @param {() => string} address made when it is used: exposure, channel and frame are those of that moment
- * @param {{label?: string, isLarge?: boolean}} [options] isLarge: the browser writes the file to the disk as it arrives
+ * @param {{label?: string, isLarge?: boolean, isPlain?: boolean}} [options] isLarge: the browser writes the file to the disk as it arrives; isPlain: without an icon
  */
-export function downloadLink(text, hint, address, { label, isLarge = false } = {}) {
-  const anchor = h("a", { class: "button", title: hint, download: "" }, icon("download"), text);
+export function downloadLink(text, hint, address, { label, isLarge = false, isPlain = false } = {}) {
+  const anchor = h("a", { class: "button", title: hint, download: "" }, !isPlain && icon("download"), text);
   if (label) anchor.setAttribute("aria-label", label);
   const aim = () => (anchor.href = address());
   for (const type of ["pointerdown", "focus"]) anchor.addEventListener(type, aim);

@@ -61,7 +61,7 @@ export function focusTool(job, picture, life) {
   const show = () => {
     const { focus } = latest;
     const isOpen = OPEN.includes(latest.state);
-    button.disabled = button.hidden = !isOpen;
+    button.disabled = !isOpen; // it keeps its place, as the others do
     const rect = isOpen && focus ? { x: focus[0], y: focus[1], w: focus[2], h: focus[3] } : null;
     // A click selects the pixel's tile.
     const side = latest.tile_size ?? 0;

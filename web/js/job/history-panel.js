@@ -15,6 +15,8 @@ const WIDTH = 240;
 const HEIGHT = 120;
 /** Greatest ratio of the forecast, as drawn, to the elapsed time. */
 const FORECAST = 10;
+/** Longest forecast that is stated in words, in seconds: one of days rests on too little. */
+const STATED_S = 86_400;
 /** Relative noise of a picture that counts as clean. */
 const CLEAN = 0.01;
 
@@ -78,7 +80,7 @@ export function historyPanel(job, life) {
     const last = points.at(-1);
     // The error falls with the square root of the samples.
     const left = last ? last.seconds * ((last.noise / CLEAN) ** 2 - 1) : 0;
-    const open = job().state === "running" && last && last.noise > CLEAN;
+    const open = job().state === "running" && last && last.noise > CLEAN && left < STATED_S;
     setText(said, last ? t("Noise {noise} after {time}", { noise: percent(last.noise), time: clock(last.seconds) }) + (open ? t("; {noise} in {time}.", { noise: percent(CLEAN), time: roughly(left) }) : ".") : t("The noise is known after the first samples."));
     fill(chart, points.length > 1 && last ? plot(points, left) : null);
     const { created, finished, state } = job();

@@ -122,7 +122,7 @@ export function progressPanel() {
       latest = job;
       heard = performance.now();
       const pixels = (job.width ?? 1) * (job.height ?? 1);
-      setText(samples, isShot(job) ? count(job.shot?.states.finished ?? 0) : count(Math.floor(job.samples / pixels)));
+      setText(samples, isShot(job) ? count(job.shot?.states.finished ?? 0) : perPixel(job.samples / pixels));
       setText(of, goal(job));
       const rate = job.samples_per_s || (job.state !== "queued" && job.active_s > 0.5 ? (job.samples - samplesTaken(job)) / job.active_s : 0);
       setText(speed, rate >= 1 ? compact(rate) : "–");
@@ -156,6 +156,9 @@ export function progressPanel() {
     },
   };
 }
+
+/** @param {number} samples per pixel @returns {string} below one with a digit, since there is a picture */
+const perPixel = (samples) => (samples > 0 && samples < 1 ? Math.max(0.1, Math.floor(10 * samples) / 10).toLocaleString() : count(Math.floor(samples)));
 
 /** @param {Job} job */
 function badSentence({ bad_samples: n, frames }) {

@@ -13,6 +13,8 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Snapshot} Snapshot */
 
 const RENEW_MS = 3000;
+/** States in which pictures may still be recorded. */
+const OPEN = ["queued", "running", "paused"];
 /** Number of steps from which only every second is labelled. */
 const CROWDED = 7;
 
@@ -36,7 +38,7 @@ export function momentsPanel(job, picture, display, life) {
   picture.element.append(tag);
   const element = h(
     "section",
-    { class: "side-section stack tight moments", "aria-label": t("Sample history"), hidden: true },
+    { class: "side-section stack tight moments", "aria-label": t("Sample history") },
     h("div", { class: "row" }, h("h2", null, t("Sample history")), h("span", { class: "grow" }), fewer, more),
     slider,
     ticks,
@@ -120,15 +122,21 @@ export function momentsPanel(job, picture, display, life) {
   const renew = async () => {
     try {
       const found = await getSnapshots(job().id, abort.signal);
-      if (JSON.stringify(found) === JSON.stringify(known)) return;
+      if (JSON.stringify(found) === JSON.stringify(known)) return showKnown();
       known = found;
     } catch {
       return; // connection lost or job deleted, as shown elsewhere
     }
-    element.hidden = known.length === 0;
-    fill(ticks, ...[...known.map(({ spp }, i) => ((known.length - i) % 2 === 0 || known.length < CROWDED ? shortOf(spp) : "")), t("now")].map((text) => h("span", null, text)));
+    showKnown();
     void show();
   };
+  const showKnown = () => {
+    element.hidden = known.length === 0 && !OPEN.includes(job().state);
+    slider.disabled = known.length === 0;
+    fill(ticks, ...[...known.map(({ spp }, i) => ((known.length - i) % 2 === 0 || known.length < CROWDED ? shortOf(spp) : "")), t("now")].map((text) => h("span", null, text)));
+  };
+  showKnown();
+  void show();
   void renew();
   life.every(RENEW_MS, () => job().state === "running" && void renew());
   let state = job().state;

@@ -28,10 +28,11 @@ const ARROWS = /** @type {const} */ ([
  * @param {import("../film/film-view.js").FilmView | null} parts.view
  * @param {import("../base/store.js").Store<T>} parts.display
  * @param {() => void} parts.normalise
+ * @param {number} [parts.usual] exposure that a reset sets, in stops
  * @param {boolean} [parts.inShot] the arrows go to other frames
  * @returns {Shortcut[]}
  */
-export function stageKeys({ view, display, normalise, inShot = false }) {
+export function stageKeys({ view, display, normalise, usual = 0, inShot = false }) {
   /** @param {number} exposure */
   const expose = (exposure) => {
     display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
@@ -48,7 +49,7 @@ export function stageKeys({ view, display, normalise, inShot = false }) {
   return [
     { keys: "E", does: t("Half a stop brighter"), run: () => expose(display.value.exposure + EXPOSURE_STEP) },
     { keys: "Shift+E", does: t("Half a stop darker"), run: () => expose(display.value.exposure - EXPOSURE_STEP) },
-    { keys: "R", does: t("Reset the exposure"), run: () => expose(0) },
+    { keys: "R", does: t("Reset the exposure"), run: () => expose(usual) },
     { keys: "N", does: t("Normalise: the brightest below white"), run: normalise },
     { keys: "F", does: t("Fit the picture"), run: () => view?.fit() },
     { keys: "1", does: t("One picture pixel a screen pixel"), run: () => view?.actualSize() },

@@ -5,7 +5,7 @@ import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { freshId } from "../forms/fields.js";
 import { lightGroupOf } from "../film/channels.js";
-import { isMixed, mixQuery } from "../film/light-mix.js";
+import { mixQuery } from "../film/light-mix.js";
 import { t } from "../base/words.js";
 import { whyNotDenoised } from "./denoise-fields.js";
 import { downloadLink } from "./download-link.js";
@@ -24,8 +24,8 @@ const FORMATS = /** @type {const} */ ([
  * @param {DisplayStore} display
  * @param {() => import("../news/api.js").Place} place which of its pictures
  * @param {boolean} hasDeep whether it has deep samples
- * @returns {{element: HTMLElement, split: HTMLElement, offerDenoised: (can: boolean) => void, preferDenoised: () => void, actions: import("../shell/shortcuts.js").Shortcut[]}}
- *     split: a button that saves a PNG, and an arrow that opens the other formats. actions: for the command palette
+ * @returns {{element: HTMLElement, split: HTMLElement, offer: (job: Pick<import("../base/types.js").Job, "samples" | "state">) => void, offerDenoised: (can: boolean) => void, preferDenoised: () => void, actions: import("../shell/shortcuts.js").Shortcut[]}}
+ *     split: a button that saves a PNG, and an arrow that opens the other formats; offer: enables it once there are samples. actions: for the command palette
  */
 export function savePanel(display, place, hasDeep) {
   const clean = h("input", { type: "checkbox", role: "switch", checked: display.value.denoise !== "off", onchange: () => show() });
@@ -51,6 +51,7 @@ export function savePanel(display, place, hasDeep) {
   denoised.hidden = true;
   display.subscribe(show);
   const saves = links.map(({ format, element }) => ({ format, element, run: () => element.click() }));
+  const split = splitButton(png, saves);
   return {
     element: h(
       "section",
@@ -61,7 +62,8 @@ export function savePanel(display, place, hasDeep) {
       h("div", { class: "row wraps" }, denoised, hdr),
       deep,
     ),
-    split: splitButton(png, saves),
+    split: split.element,
+    offer: split.offer,
     offerDenoised(now) {
       denoised.hidden = !now;
       show();
@@ -80,7 +82,7 @@ const HIGH_RANGE = ["avif", "jxl"];
 /**
  * @param {() => void} save as a PNG
  * @param {{format: string, element: HTMLElement, run: () => void}[]} saves of all formats; element: hidden where the format is not offered
- * @returns {HTMLElement}
+ * @returns {{element: HTMLElement, offer: (job: Pick<import("../base/types.js").Job, "samples" | "state">) => void}} offer: enables it once there are samples
  */
 function splitButton(save, saves) {
   const menu = h("div", { class: "save-menu", popover: "auto", role: "menu", "aria-label": t("Save as"), id: freshId("save-menu") });
@@ -107,7 +109,14 @@ function splitButton(save, saves) {
     const items = /** @type {HTMLElement[]} */ ([...menu.children]);
     items[(items.indexOf(/** @type {HTMLElement} */ (document.activeElement)) + step + items.length) % items.length]?.focus();
   });
-  return h("div", { class: "save-split", role: "group", "aria-label": t("Save"), hidden: true }, main, arrow, menu);
+  const element = h("div", { class: "save-split", role: "group", "aria-label": t("Save") }, main, arrow, menu);
+  const offer = (/** @type {Pick<import("../base/types.js").Job, "samples" | "state">} */ { samples, state }) => {
+    for (const button of [main, arrow]) {
+      button.disabled = samples === 0;
+      button.classList.toggle("primary", state === "finished"); // what most want next
+    }
+  };
+  return { element, offer };
 }
 
 /**
@@ -126,7 +135,7 @@ export function asItLooks(place, look) {
  * @param {import("./display-panel.js").Display} look
  * @returns {Record<string, string | number>}
  */
-export const lookQuery = ({ exposure, curve, denoise, mix }) => ({ exposure, tonemap: curve, ...(denoise === "on" && !isMixed(mix) && { denoise: "true" }), ...mixQuery(mix) });
+export const lookQuery = ({ exposure, curve, denoise, mix }) => ({ exposure, tonemap: curve, ...(denoise === "on" && { denoise: "true" }), ...mixQuery(mix) });
 
 /** @param {string} text @param {HTMLElement[]} links */
 export function row(text, links) {
@@ -152,5 +161,5 @@ function link(display, place, format, hint, { isClean, isWide }) {
     if (isClean()) query.denoise = "true";
     return imageUrl(place(), format, query);
   };
-  return downloadLink(format.toUpperCase(), hint, address);
+  return downloadLink(format.toUpperCase(), hint, address, { isPlain: true });
 }

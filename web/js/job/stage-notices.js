@@ -39,7 +39,9 @@ export function stageNotices(stage, job, live, life) {
   const update = () => {
     const { state, samples } = job();
     // Without a worker the notice says why.
-    waiting.hidden = samples > 0 || notice.childElementCount > 0 || !(state === "queued" || state === "paused" || ENDED.includes(state));
+    const isOpen = state === "queued" || state === "running";
+    const hasStart = live.look !== null || live.clean !== ""; // a picture that the words would cover
+    waiting.hidden = samples > 0 || state === "finished" || (isOpen && hasStart) || notice.childElementCount > 0;
     setText(why, ENDED.includes(state) ? t("Nothing was rendered.") : state === "paused" ? t("Paused before its first samples.") : saidOf(job(), "message") || t("Waits for its first samples."));
   };
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && !OVER.includes(job().state) && noWorkerNotice()), update())));

@@ -46,7 +46,7 @@ export function whoRendered(job, picture, life) {
   const check = h("input", { type: "checkbox", onchange: () => turn(check.checked) });
   const legend = h("ul", { class: "workers-legend", "aria-label": t("Workers that rendered it"), hidden: true });
   const said = h("p", { class: "quiet small", role: "status", hidden: true });
-  const element = h("section", { class: "side-section stack tight", "aria-label": t("Workers"), hidden: true }, h("label", { class: "check" }, check, t("Who rendered it")), legend, said);
+  const element = h("section", { class: "side-section stack tight", "aria-label": t("Workers") }, h("label", { class: "check" }, check, t("Who rendered it")), legend, said);
   check.checked = here().params.get("by") === "1";
   const abort = new AbortController();
   life.add(() => abort.abort());
@@ -101,7 +101,7 @@ export function whoRendered(job, picture, life) {
   return {
     element,
     update: (/** @type {Job} */ next) => {
-      element.hidden = next.samples === 0;
+      check.disabled = next.samples === 0;
       if (next.state !== state && next.samples > 0) void renew();
       state = next.samples > 0 ? next.state : "";
     },

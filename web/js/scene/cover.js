@@ -206,7 +206,8 @@ export class Cover {
   /** Compares a request with the first one, and shows the canvas in place of a picture of another view. @param {Record<string, any>} request */
   compare(request) {
     const text = JSON.stringify(request);
-    const scene = JSON.stringify({ ...request, view: null, camera: null, width: null, height: null });
+    const { view, camera, width, height, ...others } = request; // the order of keys changes as the camera turns
+    const scene = JSON.stringify(others);
     this.first ??= { text, scene };
     this.firstLight ??= JSON.stringify(request["environment"] ?? null);
     if (text !== this.first.text && !this.isMeshShown) this.release();

@@ -33,6 +33,8 @@ export function exposureHand(film) {
   const relook = () => look.set({ exposure: slider.valueAsNumber, curve: curve.value });
   /** What chooses the exposure next: the first picture if it looks black, the next settled picture of a new light, nothing more, or the user. @type {"first" | "light" | "done" | "user"} */
   let chosenBy = "first";
+  /** Whether the light is another than the first one. */
+  let isRelit = false;
   /** The light that the exposure is for, without its strength: that is the user's own way to make it brighter. */
   let light = "";
   /** @param {number} exposure in stops */
@@ -72,6 +74,16 @@ export function exposureHand(film) {
       expose(exposure);
     },
 
+    /** Sets the look of a view that is opened: the default curve, and the exposure that the page chooses for what is shown. */
+    reset() {
+      curve.value = DEFAULT_CURVE;
+      const brightness = film().brightness();
+      const isChosen = isRelit || darkness(brightness) !== null;
+      chosenBy = isChosen ? "done" : "first";
+      set(isChosen ? autoExposure(brightness) : 0);
+      setAuto(isChosen);
+    },
+
     /** Whether the next picture of a new light sets the exposure. */
     get awaitsLight() {
       return chosenBy === "light";
@@ -100,6 +112,7 @@ export function exposureHand(film) {
       const isOther = light !== "" && text !== light;
       if (isOther && chosenBy !== "user") chosenBy = "light";
       light = text;
+      isRelit ||= isOther;
       return isOther;
     },
   };

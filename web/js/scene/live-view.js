@@ -55,13 +55,14 @@ const MOST_REQUESTS = 256;
  * @property {() => void} refresh requests a new view after a change of the form
  * @property {() => void} dispose
  * @property {() => {exposure: number, curve: string}} look
+ * @property {(look: {exposure: number, curve: string}) => void} setLook
  * @property {() => import("../film/first-look.js").FirstLook} firstLook what a job that is started now shows first
  */
 
 /** Returns what replaces the live view where the browser cannot show it. @param {string} reason @returns {LiveView} */
 const withoutView = (reason) => ({
   ...{ element: h("p", { class: "notice" }, reason), takes: null, refresh: () => {}, dispose: () => {} },
-  ...{ look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), firstLook: () => ({ film: new Film(1, 1), isSame: false, clean: "" }) },
+  ...{ look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), setLook: () => {}, firstLook: () => ({ film: new Film(1, 1), isSame: false, clean: "" }) },
 });
 
 /**
@@ -331,7 +332,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   });
   const endPart = addPart("display", {
     get: () => hand.look.value,
-    set: (/** @type {{exposure?: number, curve?: string}} */ shown) => hand.restore(Number(shown.exposure) || 0, shown.curve ?? ""),
+    set: (/** @type {{exposure?: number | null, curve?: string}} */ { exposure, curve = "" }) => (exposure === null ? hand.reset() : hand.restore(Number(exposure) || 0, curve)),
   });
   const saved = takes(scene, {
     state: () => ({ request: { scene: scene.id, ...request() }, exposure: hand.look.value.exposure, tonemap: hand.look.value.curve }),
@@ -391,6 +392,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     takes: saved.element,
     refresh,
     look: () => hand.look.value,
+    setLook: ({ exposure, curve }) => hand.restore(exposure, curve),
     firstLook: () => ({ film: film.film, isSame: !link.pending && pictureId() === link.id, clean: cover.pictureUrl() }),
     dispose() {
       keepClear();

@@ -26,8 +26,9 @@ const MOST = 60;
  * @param {string} scene
  * @param {import("../base/store.js").Store<Sides>} sides
  * @param {import("../base/store.js").Disposer} life
+ * @param {() => boolean} isHeld whether it stays as it is: it would move the view while a job is started
  */
-export function renderStrip(scene, sides, life) {
+export function renderStrip(scene, sides, life, isHeld) {
   const list = h("ul", { class: "strip" });
   const hint = h("span", { class: "small quiet strip-hint" }, t("A click shows one as A, Shift and a click as B"));
   const title = h("h2", { class: "strip-title" }, t("Pictures of this scene"));
@@ -48,6 +49,7 @@ export function renderStrip(scene, sides, life) {
     (job) => tile(job, (event) => clicked(job, event), () => sides.value),
   );
   const update = () => {
+    if (isHeld()) return;
     const own = (jobs.value ?? []).filter((job) => job.scene === scene && !hidden.value.has(job.id)).slice(0, MOST);
     show(own);
     element.hidden = own.length === 0;

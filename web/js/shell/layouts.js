@@ -29,7 +29,7 @@ const USUAL_WIDTH = 360;
 /** @type {Frame} */
 const USUAL = { width: null, hasSide: true, hasStrips: true };
 /** @type {Layout} */
-const DEFAULT = { frame: USUAL, folds: {}, tab: "view", display: { exposure: 0, curve: "", channel: "" } }; // "": the default curve
+const DEFAULT = { frame: USUAL, folds: {}, tab: "view", display: { exposure: null, curve: "", channel: "" } }; // null: the page's or the job's own exposure and curve
 
 /** @param {string} key @returns {any} null: none, or storage is blocked */
 function read(key) {

@@ -11,6 +11,7 @@ import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
 import { addPart, sideEdge } from "../shell/layouts.js";
 import { isCurve } from "../film/curves.js";
+import { jobLook } from "../film/job-look.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { channels } from "../film/channels.js";
 import { offer } from "../news/projects.js";
@@ -39,7 +40,7 @@ import { sideTabs } from "../job/side-tabs.js";
 import { savePanel } from "../job/save-panel.js";
 import { askedBy, may, session } from "../news/session.js";
 import { sharePanel } from "../job/share-panel.js";
-import { isRead, known, labelOf, valueText } from "../news/settings-table.js";
+import { isRead, known, valueText } from "../news/settings-table.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { renderAgain } from "../scene/render-again.js";
 import { shotDesk } from "../shot/shot-desk.js";
@@ -111,7 +112,7 @@ function open(page, job, life) {
     const exposure = picture.film.normalisingExposure();
     if (exposure != null) display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
   };
-  const look = displayPanel(display, job.settings, { normalise, denoise: () => picture.renew() });
+  const look = displayPanel(display, job.settings, { normalise, denoise: () => picture.renew(), usual: jobLook(job).exposure });
   const asked = isShot(job) ? askedFrame(job) : undefined;
   const picture = livePicture(job, display, life, ({ left, right }) => (look.updateDenoise(right), look.updateHeat(left)), asked);
   picture.onHands(look.showHands);
@@ -164,12 +165,13 @@ function open(page, job, life) {
     }),
   );
   if (shot) save.element.append(shot.files);
-  life.add(addShortcuts(stageKeys({ view: picture.view, display, normalise, inShot: shot !== null })));
+  life.add(addShortcuts(stageKeys({ view: picture.view, display, normalise, usual: jobLook(job).exposure, inShot: shot !== null })));
   life.add(addShortcuts(save.actions));
   life.add(addShortcuts(jobKeys({ job: () => latest, display, inShot: shot !== null })));
 
   const tabs = sideTabs(t("Picture"), [
-    { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element] },
+    // What grows while it renders comes last.
+    { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element, look.outlined] },
     { name: "lights", label: t("Lights"), content: [lightMixer(display, () => latest, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture))] },
     { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
     { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job, () => lookQuery(display.value))] },
@@ -179,8 +181,10 @@ function open(page, job, life) {
   life.add(
     addPart("display", {
       get: () => ({ exposure: display.value.exposure, curve: display.value.curve, channel: display.value.channel }),
-      set: ({ exposure = 0, curve = "", channel = "" }) =>
-        display.update((now) => ({ ...now, exposure: clampExposure(Number(exposure) || 0), curve: isCurve(curve) ? curve : DEFAULT_CURVE, channel: channels(job.settings).some(({ name }) => name === channel) ? channel : "" })),
+      set({ exposure = 0, curve = "", channel = "" }) {
+        const look = exposure === null ? jobLook(job) : { exposure: Number(exposure) || 0, curve: isCurve(curve) ? curve : DEFAULT_CURVE };
+        display.update((now) => ({ ...now, exposure: clampExposure(look.exposure), curve: look.curve, channel: channels(job.settings).some(({ name }) => name === channel) ? channel : "" }));
+      },
     }),
   );
   const side = [
@@ -215,7 +219,9 @@ function open(page, job, life) {
   return (next) => {
     save.element.hidden = next.samples === 0;
     unsaved.hidden = next.samples > 0;
-    saveButton.hidden = next.samples === 0 || next.state !== "finished";
+    save.offer(next);
+    // The buttons that go would take a line with them, and move all that is below.
+    if (narrow.matches && next.state !== latest.state) bar.style.minHeight = `${bar.offsetHeight}px`;
     if (next.state !== latest.state) announce(`${next.name}: ${stateWord(next.state)}`);
     latest = next;
     denoiseFirst();
@@ -339,5 +345,12 @@ function told(settings) {
     .settings.filter(({ name, of }) => name !== "width" && name !== "height" && of !== "environment")
     .filter((setting) => isRead(setting, settings.integrator))
     .filter(({ name, group, default: usual }) => group === "basic" || String(settings[name] ?? usual) !== String(usual))
-    .map((setting) => [labelOf(setting), valueText(setting, settings[setting.name])]);
+    .map((setting) => [setting.label, withUnit(setting, settings[setting.name])]);
+}
+
+/** @param {import("../base/types.js").Setting} setting @param {any} value @returns {string} */
+function withUnit(setting, value) {
+  const text = valueText(setting, value);
+  const unit = /** @type {Record<string, string>} */ ({ "°": "°", s: " s" })[setting.unit];
+  return unit && text && Number.isFinite(Number(text)) ? text + unit : text; // a fraction has its own
 }

@@ -16,14 +16,14 @@ import { failedScene } from "../scene/failed-scene.js";
 import { startOfJob } from "../scene/form-start.js";
 import { settingsForm } from "../scene/settings-form.js";
 import { START } from "../forms/view-fields.js";
-import { keepFirstLook } from "../film/first-look.js";
+import { keepFirstLook, prepareLook } from "../film/first-look.js";
 import { firstFrame } from "../base/shot-words.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
-import { clampExposure } from "../job/display-panel.js";
-import { cardPicture, lookOfJob } from "../film/job-look.js";
+import { clampExposure, lookFromUrl } from "../job/display-panel.js";
+import { cardPicture, jobLook, lookOfJob } from "../film/job-look.js";
 import { PREPARING } from "../scene/clarity.js";
 import { beginView } from "../scene/mesh-relay.js";
 import { liveView } from "../scene/live-view.js";
@@ -238,17 +238,24 @@ function failed(page, scene, life) {
 function ready(page, scene, life, steps) {
   const path = here().path.join();
   const notice = h("div", { class: "notice-slot" });
+  let isStarting = false; // the page stays as it is until the job's is shown
   const submit = async (/** @type {import("../base/types.js").JobRequest} */ request) => {
+    isStarting = true;
+    void import("./job.js");
     try {
       const { exposure, curve } = view.look();
       const look = lookOfJob({ exposure: clampExposure(exposure), tonemap: curve });
       // One key per click, so that a repeated request creates only one job.
       const job = await createJob({ ...request, ...look }, crypto.randomUUID?.() ?? String(Math.random()));
-      keepFirstLook(job.id, view.firstLook());
+      const first = { ...view.firstLook(), place: view.element.querySelector(".live-view")?.getBoundingClientRect() };
+      await prepareLook(first);
+      keepFirstLook(job.id, first);
       adoptJob(job);
       if (here().path.join() !== path) return; // the user has left the page meanwhile
       location.hash = linkTo("jobs", job.id);
+      await new Promise((resolve) => life.add(() => resolve(null))); // the form is not for another job until the page is left
     } catch (error) {
+      isStarting = false;
       showError(t("The job could not be started"), error);
     }
   };
@@ -270,6 +277,7 @@ function ready(page, scene, life, steps) {
   const sides = sidesFromUrl(life);
   if (steps.isOpen) life.every(200, () => steps.isOpen && steps.render());
   const view = viewOf(scene, form, sides, life, steps);
+  if (like) view.setLook(lookFromUrl(here().params, jobLook(like)));
   const side = h(
     "div",
     { class: "workspace-side" },
@@ -289,7 +297,7 @@ function ready(page, scene, life, steps) {
         "div",
         { class: "workspace-view" },
         h("div", { class: "workspace-top" }, view.element),
-        h("div", { class: "strips" }, view.takes, renderStrip(scene.id, sides, life)),
+        h("div", { class: "strips" }, view.takes, renderStrip(scene.id, sides, life, () => isStarting)),
         facts(scene),
       ),
       side,

@@ -18,7 +18,7 @@ def measured_over_expected(costs: Costs, pace: float, rounds: int = 1) -> list[f
     for _ in range(rounds):
         for tile, cost in TILES.items():
             ratios.append(pace * cost / (costs.expected_cost(tile) or pace * cost))
-            costs.record(tile, pace * cost)
+            costs.record(tile, pace * cost, 1)
     return ratios
 
 
@@ -47,7 +47,7 @@ def test_batches_grow_slowly_on_idler_machine() -> None:
 def test_slow_first_batches_are_corrected() -> None:
     costs = Costs()
     for tile, cost in TILES.items():
-        costs.record(tile, 5.0 * cost)
+        costs.record(tile, 5.0 * cost, 1)
     ratios = measured_over_expected(costs, 1.0)
     assert all(ratio == pytest.approx(1 / 5) for ratio in ratios)
     assert measured_over_expected(costs, 1.0) == pytest.approx([1.0] * len(TILES))
@@ -55,6 +55,21 @@ def test_slow_first_batches_are_corrected() -> None:
 
 def test_costs_are_positive() -> None:
     costs = Costs()
-    assert not costs.record(0, 0.0) and costs.expected_cost(0) == 0.0
-    assert costs.record(0, 1.0)
-    assert costs.record(1, 0.0) and costs.expected_cost(1) == pytest.approx(1.0 / LEAST_COST)
+    assert not costs.record(0, 0.0, 1) and costs.expected_cost(0) == 0.0
+    assert costs.record(0, 1.0, 1)
+    assert costs.record(1, 0.0, 1) and costs.expected_cost(1) == pytest.approx(1.0 / LEAST_COST)
+
+
+def test_future_cost_leaves_out_the_overhead_of_short_batches() -> None:
+    """First batches of one sample take mostly overhead. Once a tile has had a longer one, all tiles are corrected."""
+    costs = Costs()
+    overhead_s = 0.02
+    cost = [1e-5 * (1 + tile % 5) for tile in range(50)]
+    for tile in range(50):
+        costs.record(tile, overhead_s + 1000 * cost[tile], 1000)
+    assert costs.future_cost(0) > 2 * cost[0]
+    for tile in range(10):
+        costs.record(tile, overhead_s + 7000 * cost[tile], 7000)
+    for tile in range(50):
+        assert costs.future_cost(tile) == pytest.approx(cost[tile], rel=0.25)
+    assert costs.future_cost(50) == costs.average, "a tile without a batch"
