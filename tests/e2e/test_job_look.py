@@ -1,4 +1,4 @@
-"""Test that a job keeps the exposure and tone curve with which it was ordered, wherever the page shows it."""
+"""Tests that a job keeps the exposure and tone curve with which it was ordered, and its picture the place of the view."""
 
 from __future__ import annotations
 
@@ -79,4 +79,39 @@ def test_layout_changes_once_when_a_render_starts(farm: Farm, watched: Watched) 
     expect(page.locator(".chip.cancelled, .chip.finished")).to_be_visible()
     places = page.evaluate("places")
     assert [place.split()[0] for place in places] == ["scene", "job"], places
+    assert watched.errors == []
+
+
+# The place of the shown picture, in CSS pixels: left, top, width, height. A job's is computed from the canvas and its viewport.
+PLACE = """() => {
+  const view = document.querySelector(".scene-page .live-view")?.getBoundingClientRect();
+  if (view) return [view.x, view.y, view.width, view.height];
+  const stage = document.querySelector(".job-page .stage");
+  const [scale, x, y] = stage.dataset.view.split(" ").map(Number);
+  const { left, top } = stage.querySelector("canvas").getBoundingClientRect();
+  const [, width, height] = /(\\d+)×(\\d+)/.exec(document.querySelector(".status-bar .size").textContent).map(Number);
+  return [left + x, top + y, width * scale, height * scale];
+}"""
+
+
+def test_picture_is_centred_where_scene_view_had_it(farm: Farm, watched: Watched) -> None:
+    """A picture rendered from the view lies where the view did; the next, from a view above a strip of pictures, is centred too."""
+    upload = httpx.post(f"{farm.url}/api/scenes", files={"files": ("centred.glb", small_glb("picture is centred"))})
+    scene = upload.raise_for_status().json()["id"]
+    page = watched.page
+    page.set_viewport_size({"width": 1440, "height": 900})
+    page.goto(f"{farm.url}/#/scenes/{scene}")
+    expect(page.locator(".view-state")).to_have_text(re.compile("sample"), timeout=90_000)
+    before = page.evaluate(PLACE)
+    for name in ("first", "second"):
+        page.get_by_role("button", name="Render").click()
+        expect(page.locator(".job-page .stage")).to_be_visible(timeout=60_000)
+        page.get_by_role("button", name="Cancel").click()
+        expect(page.locator(".chip.cancelled, .chip.finished")).to_be_visible()
+        page.wait_for_timeout(500)  # the picture has glided to its place
+        assert page.evaluate(PLACE) == pytest.approx(before, abs=1), name
+        page.go_back()
+        expect(page.locator(".pictures")).to_be_visible()
+        expect(page.locator(".view-state")).to_have_text(re.compile("sample"), timeout=90_000)
+        assert page.evaluate(PLACE)[3] < before[3], "the strip takes room"
     assert watched.errors == []

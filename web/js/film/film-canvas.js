@@ -142,7 +142,8 @@ export class FilmCanvas {
   /** Aligns the canvas to device pixels, since layout yields fractional sizes. */
   resize() {
     const ratio = devicePixelRatio;
-    const box = /** @type {Element} */ (this.canvas.parentElement).getBoundingClientRect();
+    const stage = /** @type {Element} */ (this.canvas.parentElement);
+    const box = (stage.parentElement ?? stage).getBoundingClientRect(); // the stage fills it, and is scaled while the picture glides to its place
     const left = Math.ceil(box.left * ratio - 1e-3);
     const top = Math.ceil(box.top * ratio - 1e-3);
     const width = Math.max(1, Math.floor(box.right * ratio + 1e-3) - left);
