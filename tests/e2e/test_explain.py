@@ -67,9 +67,9 @@ def test_pixel_explanation_is_drawn_over_picture(farm: Farm, finished: str, watc
     page.keyboard.press("Escape")
     expect(panel).to_be_hidden()
     assert over.evaluate(drawn) < with_path, "what was drawn is gone"
-    page.get_by_role("button", name="Pin pixels", exact=True).click()
+    page.get_by_role("button", name="Probe pixels", exact=True).click()
     page.get_by_role("button", name="Explain a pixel", exact=True).click()
-    expect(page.get_by_role("button", name="Pin pixels", exact=True)).to_have_attribute("aria-pressed", "false")
+    expect(page.get_by_role("button", name="Probe pixels", exact=True)).to_have_attribute("aria-pressed", "false")
     box = page.locator(".stage").bounding_box()
     assert box
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)

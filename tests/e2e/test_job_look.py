@@ -95,7 +95,7 @@ PLACE = """() => {
 
 
 def test_picture_is_centred_where_scene_view_had_it(farm: Farm, watched: Watched) -> None:
-    """A picture rendered from the view lies where the view did; the next, from a view above a strip of pictures, is centred too."""
+    """A picture rendered from the view lies where the view did; the next, from a view above a strip, is centred too."""
     upload = httpx.post(f"{farm.url}/api/scenes", files={"files": ("centred.glb", small_glb("picture is centred"))})
     scene = upload.raise_for_status().json()["id"]
     page = watched.page
@@ -111,7 +111,7 @@ def test_picture_is_centred_where_scene_view_had_it(farm: Farm, watched: Watched
         page.wait_for_timeout(500)  # the picture has glided to its place
         assert page.evaluate(PLACE) == pytest.approx(before, abs=1), name
         page.go_back()
-        expect(page.locator(".pictures")).to_be_visible()
+        expect(page.get_by_role("region", name="Pictures of this scene")).to_be_visible()
         expect(page.locator(".view-state")).to_have_text(re.compile("sample"), timeout=90_000)
         assert page.evaluate(PLACE)[3] < before[3], "the strip takes room"
     assert watched.errors == []

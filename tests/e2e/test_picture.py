@@ -163,10 +163,10 @@ def test_light_groups_and_pinned_pixels_are_shown(farm: Farm, finished: str, wat
     page.mouse.move(5, 5)
 
     # A pinned pixel has its exact value on the page and its position in the URL, in film pixels; a second click removes it.
-    pins = page.get_by_label("Pinned pixels")
+    pins = page.get_by_label("Probes")
     for x, y in ((3, 4), (100, 64)):
         if (x, y) != (3, 4):
-            page.get_by_role("button", name="Pin pixels").click()
+            page.get_by_role("button", name="Probe pixels").click()
             page.mouse.click(*at(page, x + 0.5, y + 0.5))
         row = pins.get_by_role("listitem").filter(has_text=f"{x}, {y}")
         expect(row.locator("dd").first).to_have_text(re.compile("[0-9]"))

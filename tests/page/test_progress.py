@@ -66,7 +66,10 @@ def test_remaining_time_is_shown_once_it_is_known(node: Node) -> None:
     assert node.call("news/time-left", body, {**JOB, "eta_s": 2690}) == "about 45 min"
     assert node.call("news/time-left", body, {**JOB, "id": "k", "eta_s": 104}) == "about 100 s"
     assert node.call("news/time-left", body, {**JOB, "progress": 0.04}) == ""
-    assert node.call("news/time-left", body, {**JOB, "progress": 0.06}) == "", "of a short job, the first samples say little"
+    assert node.call("news/time-left", body, {**JOB, "progress": 0.15}) == "", "of a short job, the first samples say little"
+    assert node.call("news/time-left", body, {**JOB, "active_s": 2.5}) == "", "in the first seconds"
+    assert node.call("news/time-left", body, {**JOB, "active_s": 4, "eta_s": 5}) == "", "it ends soon"
+    assert node.call("news/time-left", body, {**JOB, "id": "s", "active_s": 4, "eta_s": 7}) == "about 5 s"
     assert node.call("news/time-left", body, {**JOB, "progress": 0.06, "active_s": 25}) == "about 60 s"
     taken = {**JOB, "progress": 0.52, "spp": 64, "taken": {"spp": 32}}
     assert node.call("news/time-left", body, taken) == "", "it has done 4 % itself"

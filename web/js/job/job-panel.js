@@ -219,10 +219,7 @@ export function actionsPanel() {
   const more = button("plus", "", moreSamples);
   more.append(number);
   const adds = t("Adds samples: the picture is the same as if all had been requested at once");
-  const keepWords = () => [h("span", { class: "short" }, t("Keep")), h("span", { class: "long" }, t("Never delete"))];
-  const keep = button("keep", "", (job) => change(job, { pinned: !job.pinned }, t("The job was not changed")));
-  keep.title = t("Never deleted automatically: its picture, and its scene's files");
-  const element = h("div", { class: "row actions for-submit" }, resume, pause, cancel, more, keep);
+  const element = h("div", { class: "row actions for-submit" }, resume, pause, cancel, more);
   return {
     element,
     update(job) {
@@ -236,10 +233,24 @@ export function actionsPanel() {
       setText(number, t("{n} samples", { n: count(asManyAgain(job)) }));
       const isKnown = job.state === "finished" && !job.taken && job.active_s >= 1 && asManyAgain(job) === job.spp;
       more.title = [adds, isKnown && t("Takes {time}, as this picture did.", { time: roughly(job.active_s) })].filter(Boolean).join(". ");
-      if (keep.getAttribute("aria-pressed") !== String(Boolean(job.pinned))) fill(keep, icon(job.pinned ? "check" : "keep"), ...keepWords());
-      keep.setAttribute("aria-pressed", String(Boolean(job.pinned)));
       // Moves the focus if the pressed button disappears.
       if (focused?.hidden) [resume, pause, more].find((button) => !button.hidden)?.focus();
+    },
+  };
+}
+
+/** The button that keeps a job's files whatever the farm's retention rules. @returns {{element: HTMLElement, update: (job: Job) => void}} */
+export function keepButton() {
+  /** @type {Job | null} */
+  let latest = null;
+  const run = () => latest && change(latest, { pinned: !latest.pinned }, t("The job was not changed"));
+  const title = t("Keep: never deleted automatically, nor the files of its scene");
+  const element = h("button", { class: "icon-button keep for-submit", type: "button", title, onclick: run }, icon("keep"), h("span", null, t("Keep")));
+  return {
+    element,
+    update(job) {
+      latest = job;
+      element.setAttribute("aria-pressed", String(Boolean(job.pinned)));
     },
   };
 }

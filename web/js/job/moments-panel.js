@@ -7,7 +7,7 @@ import { Film } from "../film/film.js";
 import { icon } from "../base/icons.js";
 import { here, linkTo, setParams } from "../shell/router.js";
 import { announce } from "../shell/tray.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/types.js").Snapshot} Snapshot */
@@ -72,11 +72,13 @@ export function momentsPanel(job, picture, display, life) {
     const snapshot = known.find(({ spp }) => spp === at);
     slider.max = String(known.length);
     slider.valueAsNumber = snapshot ? known.indexOf(snapshot) : known.length;
-    const name = snapshot ? wordsOf(snapshot) : t("As it is now");
+    const name = snapshot ? wordsOf(snapshot, before?.denoise !== "off") : t("As it is now");
     slider.setAttribute("aria-valuetext", name);
     fewer.disabled = slider.valueAsNumber === 0;
     more.disabled = !snapshot;
-    setText(said, snapshot && before?.denoise !== "off" ? `${name}. ${t("Raw: only the picture of now can be denoised.")}` : name);
+    setText(said, name);
+    if (snapshot) said.title = t("Only the present picture can be denoised");
+    else said.removeAttribute("title");
     links.hidden = !snapshot;
     tag.hidden = !snapshot;
     setText(tag, snapshot ? t("{n} spp", { n: count(snapshot.spp) }) : "");
@@ -132,7 +134,8 @@ export function momentsPanel(job, picture, display, life) {
   };
   const showKnown = () => {
     element.hidden = known.length === 0 && !OPEN.includes(job().state);
-    slider.disabled = known.length === 0;
+    // One picture is no choice; the room stays, since more come while it renders.
+    for (const part of [slider, ticks, fewer, more]) part.style.visibility = known.length === 0 ? "hidden" : "";
     fill(ticks, ...[...known.map(({ spp }, i) => ((known.length - i) % 2 === 0 || known.length < CROWDED ? shortOf(spp) : "")), t("now")].map((text) => h("span", null, text)));
   };
   showKnown();
@@ -167,8 +170,10 @@ export function momentsPanel(job, picture, display, life) {
 /** @param {number} spp */
 const shortOf = (spp) => (spp < 1024 ? String(spp) : `${spp / 1024}k`);
 
-/** @param {Snapshot} snapshot */
-function wordsOf({ spp, least, most, seconds }) {
-  const from = t("{n} samples a pixel, after {time}", { n: count(spp), time: clock(seconds) });
+/** @param {Snapshot} snapshot @param {boolean} isRaw whether the present picture is denoised, and this one is not */
+function wordsOf({ spp, least, most, seconds }, isRaw) {
+  const time = seconds < 60 ? t("{n} s", { n: Math.max(1, Math.round(seconds)) }) : clock(seconds);
+  const taken = tn(spp, "{n} sample per pixel, after {time}", "{n} samples per pixel, after {time}", { n: count(spp), time });
+  const from = isRaw ? t("{picture}, not denoised", { picture: taken }) : taken;
   return least === most && least === spp ? from : `${from}; ${t("tiles had {least} to {most}", { least: count(least), most: count(most) })}`;
 }

@@ -1,4 +1,4 @@
-/** Pinned pixels and areas: marked on the picture, with their values and the ratio to the first pin. */
+/** Probes, which are pinned pixels and areas: marked on the picture, with their values and the ratio to the first one. */
 
 import { getPixel } from "../news/api.js";
 import { areaOf } from "../film/area.js";
@@ -58,8 +58,8 @@ export function pinsPanel(picture, display, life, explain, tell) {
   const clear = h("button", { class: "text-button small", type: "button", onclick: () => set([]) }, t("Remove all"));
   const element = h(
     "section",
-    { class: "side-section stack tight", "aria-label": t("Pinned pixels"), hidden: true },
-    h("div", { class: "row spread" }, h("h2", null, t("Pinned pixels")), clear),
+    { class: "side-section stack tight", "aria-label": t("Probes"), hidden: true },
+    h("div", { class: "row spread" }, h("h2", null, t("Probes")), clear),
     rows,
   );
   const set = (/** @type {Pin[]} */ pins) => display.update((look) => ({ ...look, pins }));
@@ -67,7 +67,7 @@ export function pinsPanel(picture, display, life, explain, tell) {
     const { pins } = display.value;
     const without = pins.filter((other) => keyOf(other) !== keyOf(pin));
     if (without.length === pins.length && pins.length === MOST) {
-      announce(t("{most} pixels are pinned; remove one first", { most: MOST }));
+      announce(t("There are {most} probes; remove one first", { most: MOST }));
       return;
     }
     set(without.length < pins.length ? without : [...pins, pin]);
@@ -78,7 +78,7 @@ export function pinsPanel(picture, display, life, explain, tell) {
     const from = pins.at(-1);
     const to = view?.over.cursor;
     if (!from || from.w || !to || (from.x === to.x && from.y === to.y)) {
-      announce(t("Pin one corner with V, go to the other, then press G"));
+      announce(t("Probe one corner with V, go to the other, then press G"));
       return;
     }
     const area = { x: Math.min(from.x, to.x), y: Math.min(from.y, to.y), w: Math.abs(from.x - to.x) + 1, h: Math.abs(from.y - to.y) + 1 };
@@ -142,8 +142,8 @@ export function pinsPanel(picture, display, life, explain, tell) {
 
   /** Whether the tool is active, so that a click or drag sets a pin. */
   let isOn = false;
-  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Pin pixels"), onclick: () => turn(!isOn) }, icon("pin"), toolWord(t("Pin")));
-  button.title = t("Pin pixels: click on the picture to pin a pixel or let it go (V pins the one under the cursor); drag to measure an area");
+  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Probe pixels"), onclick: () => turn(!isOn) }, icon("probe"), toolWord(t("Probe")));
+  button.title = t("Probe: click the picture to read a pixel, or a probe to remove it (V: at the cursor); drag to measure an area");
   const turn = (/** @type {boolean} */ on) => {
     isOn = on;
     button.setAttribute("aria-pressed", String(on));
@@ -158,9 +158,9 @@ export function pinsPanel(picture, display, life, explain, tell) {
     button,
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [
-      { keys: "V", does: t("Pin or unpin the pixel under the cursor"), run: () => view?.over.cursor && toggle(view.over.cursor) },
-      { keys: "G", does: t("Measure the area from the last pin to the cursor"), run: stretch },
-      { keys: "Shift+V", does: t("Unpin all pixels"), run: () => set([]) },
+      { keys: "V", does: t("Probe the pixel under the cursor, or remove its probe"), run: () => view?.over.cursor && toggle(view.over.cursor) },
+      { keys: "G", does: t("Measure the area from the last probe to the cursor"), run: stretch },
+      { keys: "Shift+V", does: t("Remove all probes"), run: () => set([]) },
     ],
   };
 }
@@ -194,7 +194,7 @@ function pinRow(pin, number, { remove, explain, tell }) {
       ...[h("strong", null, String(number)), h("span", null, w ? t("{w}×{h} at {x}, {y}", { w, h: high ?? 0, x, y }) : `${x}, ${y}`)],
       h("span", { class: "grow" }),
       w ? [] : ofPixel,
-      button("close", t("Remove the pin at {x}, {y}", { x, y }), remove),
+      button("close", t("Remove the probe at {x}, {y}", { x, y }), remove),
     ),
     h("dl", null, cells.map((cell, c) => h("div", null, h("dt", null, "RGBY"[c] ?? ""), cell))),
     about,

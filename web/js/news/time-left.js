@@ -1,6 +1,6 @@
 /**
- * The remaining time of a job: the service's forecast, smoothed and rounded. It is not shown before a tenth of the work is done, nor
- * a twentieth of a long job: until then the forecast rests on the short batches of the first samples.
+ * The remaining time of a job: the service's forecast, smoothed and rounded. It is not shown in the first seconds, nor before a part
+ * of the work is done: until then the forecast rests on the short batches of the first samples. A short job has none.
  */
 
 import { roughly } from "../base/format.js";
@@ -11,7 +11,9 @@ import { t } from "../base/words.js";
 /** Longest and shortest time constant of the smoothing; between them it is an eighth of the remaining time. */
 const [SMOOTHING_S, LEAST_SMOOTHING_S] = [30, 1];
 /** Part of its work that a job must have done, and that of a job that has taken LONG_S seconds. */
-const [MIN_PROGRESS, MIN_PROGRESS_OF_LONG, LONG_S] = [0.1, 0.05, 20];
+const [MIN_PROGRESS, MIN_PROGRESS_OF_LONG, LONG_S] = [0.2, 0.05, 20];
+/** Rendering time, in seconds, before which no forecast is shown, and the expected time of a whole job below which none is. */
+const [FIRST_S, SHORT_S] = [3, 10];
 /** Time, in seconds, that a value stays before it rises, and the factor by which it then rises at most. */
 const [HOLD_S, MOST_RISE] = [5, 1.25];
 /** Time, in seconds, from which it is shown in minutes. */
@@ -84,6 +86,7 @@ const ends = new Map();
 
 /** Whether a job has done enough for a forecast, without what it took from an earlier one. @param {Job} job */
 function isKnown({ progress, active_s: active, taken, spp }) {
+  if (active < FIRST_S) return false;
   const begun = taken && spp ? Math.min(taken.spp / spp, 0.99) : 0;
   return (progress - begun) / (1 - begun) >= (active >= LONG_S ? MIN_PROGRESS_OF_LONG : MIN_PROGRESS);
 }
@@ -95,6 +98,7 @@ export function noteForecast(job, now = performance.now() / 1000) {
     ends.delete(job.id);
     return;
   }
+  if (!ends.has(job.id) && job.active_s + job.eta_s < SHORT_S) return;
   const end = ends.get(job.id) ?? new SmoothedEnd();
   ends.set(job.id, end);
   end.add(job.eta_s, now);

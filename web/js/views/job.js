@@ -8,7 +8,7 @@ import { adoptJob, jobs, scenes, workers } from "../news/farm.js";
 import { lightWords, ownLight } from "../base/light-words.js";
 import { emptyPage } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
-import { actionsPanel, progressPanel } from "../job/job-panel.js";
+import { actionsPanel, keepButton, progressPanel } from "../job/job-panel.js";
 import { addPart, sideEdge } from "../shell/layouts.js";
 import { isCurve } from "../film/curves.js";
 import { jobLook } from "../film/job-look.js";
@@ -124,6 +124,7 @@ function open(page, job, life) {
   const save = savePanel(display, () => picture.live, Boolean(job.settings?.deep));
   const unsaved = h("p", { class: "side-section quiet small" }, t("Pictures can be saved after the first samples, at any time."));
   const actions = actionsPanel();
+  const keep = keepButton();
   const progress = progressPanel();
   const queue = queuePanel();
   const doubt = doubtNotice();
@@ -196,9 +197,12 @@ function open(page, job, life) {
   const bar = h("div", { class: "job-bar" });
   const narrow = matchMedia("(max-width: 860px)");
   const arrange = () => {
-    if (narrow.matches) return bar.append(chip.element, judged.element, actions.element);
+    keep.element.classList.toggle("icon-button", !narrow.matches);
+    keep.element.classList.toggle("button", narrow.matches);
+    if (narrow.matches) return actions.element.append(keep.element), bar.append(chip.element, judged.element, actions.element);
     title.element.after(chip.element, judged.element);
     saveButton.before(actions.element);
+    page.querySelector(".job-head > .danger")?.before(keep.element);
   };
   narrow.addEventListener("change", arrange);
   life.add(() => narrow.removeEventListener("change", arrange));
@@ -230,7 +234,7 @@ function open(page, job, life) {
     chip.update(next.state);
     judged.update(next.review);
     line.update(next.progress, next.state);
-    for (const part of [title, note, look, picture, actions, progress, doubt, queue, focus, history, moments, whose, shot, notes]) part?.update(next);
+    for (const part of [title, note, look, picture, actions, keep, progress, doubt, queue, focus, history, moments, whose, shot, notes]) part?.update(next);
   };
 }
 
