@@ -25,6 +25,7 @@ from service.errors import Conflict
 from service.intake.resolve import refusal, resolve
 from service.scheduling.jobs.active_frame import ActiveFrame, FrameRow
 from service.scheduling.jobs.active_job import ActiveJob
+from service.scheduling.jobs.measurements import updated
 from service.scheduling.jobs.shares import Terms
 from service.shot import Shot
 from service.store.blends import blender_export_of, needs_blender
@@ -328,7 +329,8 @@ class Records:
             if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
                 return False
             if measured is not None:
-                session.execute(update(Scene).where(Scene.id == row.scene).values(measured=measured))
+                before = session.scalar(select(Scene.measured).where(Scene.id == row.scene).with_for_update())
+                session.execute(update(Scene).where(Scene.id == row.scene).values(measured=updated(before, measured)))
             finished = time.time()
             row.state, row.finished, row.active_s = "finished", finished, job.active_s
             if row.deadline is not None:

@@ -147,7 +147,7 @@ def test_comparison_lists_differences_of_settings(page: Page) -> None:
         ("Seed", "0", "7"),
         ("Sparkle", "dull", "1.235"),
         ("Samples per pixel", "64 spp", "noise 2.5 %"),
-        ("Eye", "0, 0, 5", "0.1, 0, 5"),
+        ("Camera position", "x\u00a00, y\u00a00, z\u00a05", "x\u00a00.1, y\u00a00, z\u00a05"),
         ("Focus distance", "the target's", "2"),
     ]
     body = (

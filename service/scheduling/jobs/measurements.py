@@ -9,9 +9,10 @@ from service.errors import FilmLost, FilmUnavailable
 from service.scheduling.jobs.active_frame import FIRST_ESTIMATE_SAMPLES, NOISE_PLANES
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["measured"]
+__all__ = ["measured", "updated"]
 
 LEAST_S = 0.05  # slot-seconds, at least, for a usable measurement
+SLOWER_WEIGHT = 1 / 3  # of a slower measurement, in the logarithm
 TILES = 32  # evenly spaced tiles of a frame used for its noise
 
 
@@ -24,6 +25,18 @@ def measured(job: ActiveJob) -> dict[str, float | None] | None:
     if job.rendered_s < LEAST_S:
         return None
     return {"sample_s": job.rendered_s / job.rendered, "noise": _noise(job)}
+
+
+def updated(before: dict[str, float | None] | None, latest: dict[str, float | None]) -> dict[str, float | None]:
+    """Returns the measurements of a scene after another picture. before: the scene's until then; None if it had none.
+
+    A faster `sample_s` is adopted, since other work on a machine only slows it down. A slower one counts by a third, in the
+    logarithm: it may come from such work, or from settings that cost more.
+    """
+    old, new = (before or {}).get("sample_s"), latest["sample_s"]
+    if not old or not new or new <= old:
+        return latest
+    return {**latest, "sample_s": old * (new / old) ** SLOWER_WEIGHT}
 
 
 def _noise(job: ActiveJob) -> float | None:

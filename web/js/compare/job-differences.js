@@ -16,6 +16,9 @@ const NAMED_BY = 2;
 /** Settings that add planes to a film and leave its picture as it is. */
 const BESIDE = ["light_groups", "light_paths", "cryptomatte", "deep"];
 
+/** Labels of settings whose own are understood only among those of the view. @type {Record<string, string>} */
+const VIEW_LABELS = { eye: t("Camera position"), target: t("Camera target"), up: t("Camera's up") };
+
 /** Sections of settings, most significant first. */
 const SECTIONS_BY_SIGNIFICANCE = ["basic", "lab", "advanced"];
 
@@ -38,7 +41,7 @@ function rows() {
       const values = part(job);
       return values ? tell(setting, setting.name in values ? values[setting.name] : setting.default) : "";
     };
-    return { label: labelOf(setting), isBeside: BESIDE.includes(setting.name), value: (job) => told(job, valueText), phrase: (job) => told(job, phraseOf) };
+    return { label: VIEW_LABELS[setting.name] ?? labelOf(setting), isBeside: BESIDE.includes(setting.name), value: (job) => told(job, coordinates), phrase: (job) => told(job, phraseOf) };
   };
   /** @param {string} label @param {(job: Job) => string} value @returns {Row} */
   const plain = (label, value) => ({ label, value, phrase: value });
@@ -58,6 +61,12 @@ function rows() {
     plain(t("Size"), ({ width, height }) => `${width}×${height}`),
   ];
 }
+
+/** Formats a value as `valueText` does, and a vector with the names of its axes. @type {typeof valueText} */
+const coordinates = (setting, value) => {
+  const text = valueText(setting, value);
+  return Array.isArray(value) && value.length === 3 ? text.split(", ").map((number, i) => `${"xyz"[i]}\u00a0${number}`).join(", ") : text;
+};
 
 /** @param {Job} job */
 const sceneOf = (job) => scenes.value?.find(({ id }) => id === job.scene);

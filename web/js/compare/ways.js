@@ -175,7 +175,7 @@ export function compareWays({ stage, state, differInSize, life }) {
   };
   let asked = "";
   life.add(
-    state.subscribe(({ way, left, right, atA, atB, exposure, curve }) => {
+    state.subscribe(({ way, left, right, atA, atB, exposure, isCommon, curve }) => {
       choice.select(way);
       setText(hint, WAYS.find(({ name }) => name === way)?.hint ?? "");
       view?.setSideBySide(way === "side");
@@ -186,7 +186,7 @@ export function compareWays({ stage, state, differInSize, life }) {
         bar.hidden = values.hidden = said.hidden = true;
       }
       turn();
-      const key = JSON.stringify([map, left, right, atA, atB, exposure, curve]);
+      const key = JSON.stringify([map, left, right, atA, atB, exposure, isCommon, curve]);
       if (key !== asked) now();
       asked = key;
     }),

@@ -25,6 +25,8 @@ export class FilmLayer {
     this.image = null;
     /** Exposure of the image's logarithmic scale, in stops; null: the image has display values. @type {number | null} */
     this.draftExposure = null;
+    /** Added to the look's exposure for this layer's picture, in stops. */
+    this.moreExposure = 0;
     /** @type {WebGLTexture | null} */
     this.texture = null;
     /** Format and size of the allocated texture. */
@@ -145,7 +147,7 @@ export class FilmLayer {
 
   /** Returns the factor of the texture's values that shows them at an exposure. @param {number} exposure in stops */
   gainAt(exposure) {
-    return 2 ** (exposure - (this.draftExposure ?? 0));
+    return 2 ** (exposure + this.moreExposure - (this.draftExposure ?? 0));
   }
 
   dropImage() {

@@ -225,9 +225,10 @@ export function displayPanel(display, settings, { normalise, denoise: renew, usu
  * @template {{exposure: number, curve: string}} T
  * @param {Store<T>} display
  * @param {() => void} normalise
+ * @param {HTMLElement} more below the exposure
  * @returns {HTMLElement}
  */
-export const lookFields = (display, normalise) => h("div", { class: "stack" }, exposureField(display, normalise), curveField(display));
+export const lookFields = (display, normalise, more) => h("div", { class: "stack" }, exposureField(display, normalise), more, curveField(display));
 
 /**
  * @template {{curve: string}} T

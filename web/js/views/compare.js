@@ -4,7 +4,8 @@ import { jobLook } from "../film/job-look.js";
 import { getJob } from "../news/api.js";
 import { differenceTable, progressOf, sideChoice } from "../compare/compare-panel.js";
 import { clampExposure, lookFields, lookFromUrl, lookParams, wipeFrom } from "../job/display-panel.js";
-import { fill, h } from "../base/dom.js";
+import { fill, h, setText } from "../base/dom.js";
+import { stops } from "../base/format.js";
 import { adoptJob, jobs, workers } from "../news/farm.js";
 import { emptyState } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
@@ -43,7 +44,8 @@ import { t } from "../base/words.js";
  * @property {number | null} frame of a side that is a shot; null: its first
  * @property {number} wipe
  * @property {import("../compare/ways.js").Way} way
- * @property {number} exposure
+ * @property {number} exposure of A, in stops
+ * @property {boolean} isCommon whether B has A's exposure; else both differ as in their jobs
  * @property {string} curve
  */
 
@@ -73,6 +75,7 @@ export function compareView(a, b) {
     frame: frameFrom(params.get("frame")),
     wipe: wipeFrom(params.get("wipe")),
     way: wayFrom(params.get("way")),
+    isCommon: params.get("same") === "1",
     ...lookFromUrl(params, lookOf(a)),
   });
   /** Whether the default look, that of the first picture, is known. */
@@ -144,6 +147,13 @@ export function compareView(a, b) {
 /** @param {string} id as the address has it @returns {import("../job/display-panel.js").Look} its default, once it is known */
 const lookOf = (id) => jobLook(jobs.value?.find((job) => job.id === id));
 
+/**
+ * Returns how many stops the exposure of B is above that of A. An uploaded picture has that of the other.
+ *
+ * @param {Pick<Comparison, "a" | "b" | "isCommon">} comparison
+ */
+const stopsApart = ({ a, b, isCommon }) => (isCommon || [a, b].some((id) => referenceId(id) !== null) ? 0 : lookOf(b).exposure - lookOf(a).exposure);
+
 /** @param {string} id as the address has it @param {Job[]} all @returns {Picture | null} null: not known yet */
 function pictureOf(id, all) {
   const reference = references.value?.find((each) => each.id === referenceId(id));
@@ -175,7 +185,7 @@ const frameFrom = (text) => (text && Number.isFinite(Number(text)) ? Number(text
 function rememberComparison(state) {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
-  const end = state.subscribe(({ a, b, left, right, atA, atB, frame, wipe, way, exposure, curve }) => {
+  const end = state.subscribe(({ a, b, left, right, atA, atB, frame, wipe, way, exposure, isCommon, curve }) => {
     clearTimeout(timer);
     if (!b) return;
     timer = setTimeout(() => {
@@ -188,6 +198,7 @@ function rememberComparison(state) {
           frame: frame === null ? null : String(frame),
           wipe: wipe === 0.5 ? null : wipe.toFixed(3),
           way: way === "wipe" ? null : way,
+          same: isCommon ? "1" : null,
           ...lookParams({ exposure, curve }, lookOf(a)),
         },
         ["compare", a, b],
@@ -242,6 +253,7 @@ function open(page, a, b, state) {
     if (now.a !== a.id || now.b !== b.id) return; // another comparison is being opened
     const [sideA, sideB] = sides();
     const [nameA, nameB] = namesOf(sideA, sideB);
+    if (stage.view) stage.view.layers[1].moreExposure = stopsApart(now);
     stage.view?.setLook(now);
     notThere = [];
     const shown = [filmFor(sideA), filmFor(sideB)];
@@ -304,7 +316,7 @@ function open(page, a, b, state) {
   life.add(state.subscribe(arrange));
   const swap = () =>
     state.update((now) => ({
-      ...{ ...now, a: now.b, b: now.a, left: now.right, right: now.left, atA: now.atB, atB: now.atA },
+      ...{ ...now, exposure: clampExposure(now.exposure + stopsApart(now)), a: now.b, b: now.a, left: now.right, right: now.left, atA: now.atB, atB: now.atA },
       wipe: 1 - now.wipe,
     }));
   life.add(addShortcuts(stageKeys({ view: stage.view, display: state, normalise })));
@@ -358,7 +370,7 @@ function open(page, a, b, state) {
       ),
       ways.element,
       frames.element,
-      h("section", { class: "side-section", "aria-label": t("Display") }, lookFields(state, normalise)),
+      h("section", { class: "side-section", "aria-label": t("Display") }, lookFields(state, normalise, exposures(state, life))),
       h(
         "section",
         { class: "side-section stack tight", "aria-label": t("Differences") },
@@ -382,6 +394,21 @@ function open(page, a, b, state) {
       if (shownRows !== before) arrange(); // the sides' names depend on their differences
     },
   };
+}
+
+/** The exposures of the two pictures where their jobs' differ, and the choice of one for both. @param {Store<Comparison>} state @param {Disposer} life */
+function exposures(state, life) {
+  const both = h("span", { class: "quiet small number" });
+  const common = h("input", { type: "checkbox", onchange: () => state.update((now) => ({ ...now, isCommon: common.checked })) });
+  const element = h("div", { class: "row spread exposures" }, h("label", { class: "check" }, common, t("Same exposure")), both);
+  life.add(
+    state.subscribe((now) => {
+      element.hidden = !stopsApart({ ...now, isCommon: false });
+      common.checked = now.isCommon;
+      setText(both, t("A {a}, B {b} EV", { a: stops(now.exposure), b: stops(now.exposure + stopsApart(now)) }));
+    }),
+  );
+  return element;
 }
 
 /** @param {unknown} error */

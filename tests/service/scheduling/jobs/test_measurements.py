@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from service.scheduling.jobs.measurements import updated
 from tests.service.conftest import Service
 from tests.service.peer_worker import PeerWorker
 
@@ -29,3 +30,14 @@ def test_too_few_samples_give_no_measurement(service: Service, worker: PeerWorke
     scene = service.ready_scene()
     service.wait_for(service.submit(scene, width=16, height=16, spp=16), "finished")
     assert service.scene(scene)["measured"] is None
+
+
+def test_slower_measurement_of_busy_machine_counts_little() -> None:
+    fast, slow = {"sample_s": 1.0, "noise": 0.5}, {"sample_s": 8.0, "noise": 0.4}
+    assert updated(None, slow) == slow
+    assert updated(slow, fast) == fast, "other work only slows a machine down"
+    assert updated(fast, slow) == {"sample_s": pytest.approx(2.0), "noise": 0.4}
+    kept = fast
+    for _ in range(10):
+        kept = updated(kept, slow)
+    assert kept["sample_s"] == pytest.approx(8.0, rel=0.05), "settings that cost more are adopted after some pictures"
