@@ -55,6 +55,26 @@ def test_each_side_of_divider_shows_its_picture(farm: Farm, watched: Watched, tm
 
 
 @pytest.mark.long
+def test_each_side_has_exposure_of_its_job(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+    scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
+    jobs = [render_job(farm, scene, **SIZE, spp=4, exposure=exposure) for exposure in (-1.0, 0.5)]
+    films = [read_exr(f"{farm.url}/api/jobs/{job}/frames/0/image.exr", tmp_path) for job in jobs]
+    page = watched.page
+    page.goto(f"{farm.url}/#/compare/{jobs[0]}/{jobs[1]}?tone=hue")
+    expect(page.get_by_role("slider", name="Wipe")).to_be_visible()
+    expect(page.get_by_text("A −1.0, B +0.5 EV")).to_be_visible()
+    page.keyboard.press("1")
+    page.mouse.move(5, 5)
+    left, right = (expected_pixels(film, exposure, "hue") for film, exposure in zip(films, (-1.0, 0.5), strict=True))
+    assert_screen(page, expected_split(left, right, page), "each its own")
+    page.get_by_label("Same exposure").check()
+    page.mouse.move(5, 5)
+    assert_screen(page, expected_split(left, expected_pixels(films[1], -1.0, "hue"), page), "that of A")
+    expect(page).to_have_url(re.compile(r"same=1"))
+    assert watched.errors == []
+
+
+@pytest.mark.long
 def test_divider_position_is_in_url(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     jobs, pictures = open_comparison(farm, page, tmp_path)

@@ -26,10 +26,9 @@ function store(name) {
 }
 
 /**
- * @returns {{element: HTMLElement, show: () => void, focus: () => boolean, author: () => {author?: string} | null, given: () => {author?: string}}}
- *   show: shows the name's field, which is hidden at first. focus: moves the focus to the field if the name is missing, and returns
- *   whether it is. author: a request's field; null: the name is missing, and its field now has the focus. given: the
- *   field if there is a name
+ * @returns {{element: HTMLElement, show: () => void, author: () => {author?: string} | null, given: () => {author?: string}}}
+ *   show: shows the name's field, which is hidden at first. author: a request's field; null: the name is missing, and its field now
+ *   has the focus. given: the field if there is a name
  */
 export function noteAuthor() {
   const input = h("input", { type: "text", id: "note-author", maxLength: LONGEST, autocomplete: "name", value: stored() });
@@ -42,11 +41,6 @@ export function noteAuthor() {
     element,
     show() {
       element.hidden = session.value.kind !== "open";
-    },
-    focus() {
-      const isMissing = !element.hidden && !input.value.trim();
-      if (isMissing) input.focus();
-      return isMissing;
     },
     author() {
       if (session.value.kind !== "open") return {};

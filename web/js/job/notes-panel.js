@@ -173,7 +173,7 @@ export function notesPanel(job, picture, life, { open, begin, goTo }) {
     view?.element.classList.add("measuring");
     setSpot(at);
     show();
-    if (!name.focus()) area.focus();
+    area.focus(); // a missing name is asked for when the note is saved
   };
   /** @param {boolean} [isKept] whether the text is there when the form is opened again */
   const close = (isKept = false) => {
