@@ -48,7 +48,7 @@ export class MeshCanvas {
     /** What has projected a picture, for the next one: its programs take long to compile. @type {KeptPicture | null} */
     this.projector = null;
     this.pending = 0;
-    /** The next frame in which shadows are computed; and whether the mesh has been drawn with any. */
+    /** The next frame in which shadows are computed; and whether the mesh has been drawn with those of a whole batch. */
     this.refining = 0;
     this.hasShadows = false;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
@@ -85,7 +85,6 @@ export class MeshCanvas {
     this.floor = true;
     this.setMesh(SAMPLE);
     this.drawMesh(clipMatrix(SAMPLE_VIEW, 1, SAMPLE.low, SAMPLE.high), SAMPLE, SAMPLE_VIEW, null, { width: canvas.width, height: canvas.height });
-    this.shadows?.compile();
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.flush();
@@ -215,6 +214,7 @@ export class MeshCanvas {
     if (isSame) return;
     const reach = !kept && this.hasFloor ? FLOOR_REACH : 1;
     this.drawMesh(clipMatrix(view, aspect, mesh.low, mesh.high, reach), mesh, view, kept, { width, height });
+    this.hasShadows ||= Boolean(this.shadows?.gathered);
     if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
   }
 
@@ -223,16 +223,13 @@ export class MeshCanvas {
     return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && !this.shadows.isDone);
   }
 
-  /** Computes further shadows, and shows them: as they become better, or where drawing takes long, the first and the last ones. */
+  /** Computes further shadows, and shows them: as they become better, or where drawing takes long, the first whole batch and the last one. */
   refine() {
     this.refining = 0;
     const { shadows } = this;
     if (!shadows || !this.isRefining || this.gl?.isContextLost()) return;
     const hasChanged = shadows.work();
-    if (!this.isRefining || (hasChanged && (shadows.isFast || !this.hasShadows))) {
-      this.hasShadows = true;
-      this.draw();
-    }
+    if (!this.isRefining || (hasChanged && (shadows.isFast || !this.hasShadows))) this.draw();
     if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
   }
 

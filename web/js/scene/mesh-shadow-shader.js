@@ -102,6 +102,7 @@ precision highp float;
 precision highp sampler2DArrayShadow;
 uniform sampler2DArrayShadow maps;
 uniform float layer;
+uniform int count; // of its directions
 uniform float texelSize; // width of a map's texel, in the scene
 uniform vec4 rows[${3 * TILES}]; // to the tiles' coordinates
 uniform vec3 ways[${TILES}];
@@ -118,7 +119,7 @@ void main() {
   vec3 place, n;
   missed = vec4(0.0);
   if (!point(place, n)) return;
-  for (int i = 0; i < ${TILES}; i++) {
+  for (int i = 0; i < count; i++) {
     float cosine = dot(n, ways[i]);
     if (cosine <= 0.0) continue;
     vec4 from = vec4(place + texelSize * (1.5 * n + ways[i]), 1.0);

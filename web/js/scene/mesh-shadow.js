@@ -35,6 +35,10 @@ export const UNITS = { maps: 9, seenDepth: 10, seenNormal: 11, missed: 12, open:
 const MANY_PIXELS = 500_000;
 /** Time, in milliseconds, that the shadows may take of a frame; and number of tiles that are drawn in a frame, at first and at least. */
 const [BUDGET_MS, FIRST_TILES] = [25, 4];
+/** Triangles above which the first frame has the shadows of FIRST_TILES directions, and else those of a batch. */
+const MANY_TRIANGLES = 200_000;
+/** Difference of two scenes' extents, of their size, up to which they have the same shape. */
+const SLACK = 1e-4;
 
 /** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, drawPart: (part: MeshPart, material: MeshMaterial, at: (name: string) => WebGLUniformLocation | null) => void}} Subject above: up in the scene, if it stands on a floor */
 
@@ -81,15 +85,6 @@ export class MeshShadows {
     return !this.isPossible || !this.subject || (this.gathered === this.batches && this.lampsGathered);
   }
 
-  /** Compiles what each mesh needs, by drawing, after the first mesh has been drawn. */
-  compile() {
-    if (!this.isPossible || !this.subject || !this.seen) return;
-    this.drawTiles(TILES);
-    this.gather(0, true);
-    this.gather(0, false);
-    this.gl.bindFramebuffer(this.gl.FRAMEBUFFER, null);
-  }
-
   /** Whether a whole batch is drawn between two frames: then the picture can be drawn in each. */
   get isFast() {
     return this.tilesAtOnce >= TILES;
@@ -100,11 +95,15 @@ export class MeshShadows {
     return this.samples.length / TILES;
   }
 
-  /** Begins the shadows of another mesh, or of another light. @param {Subject} subject */
+  /** Begins the shadows of another mesh, or of another light; those of the same shape, which the service has read too, stay. @param {Subject} subject */
   begin(subject) {
     const { gl } = this;
+    const isAlike = this.subject !== null && isSameShape(this.subject, subject);
     this.subject = subject;
+    this.toClip = null;
     const { mesh, tables, lamps } = subject;
+    this.shining = new Map(lamps.length ? mesh.parts.filter(({ material }) => Math.max(...(mesh.materials[material]?.emission ?? [])) > 0).map((part) => [part, boxOf(mesh, part)]) : []);
+    if (isAlike) return;
     const table = /** @type {LightTables["levels"][number]} */ (tables.levels[0]);
     this.samples = lightSamples(table, BATCHES * TILES);
     const radius = radiusOf(mesh);
@@ -113,9 +112,7 @@ export class MeshShadows {
     this.instead = this.samples.flatMap(({ way, weight }) => irradianceAt(tables.irradiance, /** @type {Vec3} */ (way.map((value) => -value))).map((value, k) => OPEN * weight * value * (albedo[k] ?? 0)));
     this.drawn = this.onFloor = this.gathered = 0;
     this.lampTiles = lampTilesOf(mesh, lamps);
-    this.shining = new Map(lamps.length ? mesh.parts.filter(({ material }) => Math.max(...(mesh.materials[material]?.emission ?? [])) > 0).map((part) => [part, boxOf(mesh, part)]) : []);
     this.lampsDrawn = this.lampsGathered = !this.lampTiles.length;
-    this.toClip = null;
     this.kept ??= {
       ...{ maps: this.depthArray(MAP, BATCHES, gl.DEPTH_COMPONENT16), lampMaps: null, frame: gl.createFramebuffer() },
       ...{ floorMissed: this.target(FLOOR_TEXELS, FLOOR_TEXELS, gl.RGBA16F), floorOpen: this.target(FLOOR_TEXELS, FLOOR_TEXELS, gl.RGBA8) },
@@ -126,9 +123,22 @@ export class MeshShadows {
     this.mipmap();
   }
 
+  /** Draws what the first frame is shown with, few directions where there are many triangles, and gathers it for the floor. */
+  drawFirst() {
+    const { gl, subject, samples } = this;
+    if (this.drawn || !samples.length || !subject) return;
+    gl.disable(gl.BLEND);
+    gl.enable(gl.DEPTH_TEST);
+    this.drawTiles(subject.mesh.triangles > MANY_TRIANGLES ? FIRST_TILES : TILES);
+    if (subject.above) this.gather(0, true);
+    if (this.drawn === TILES) this.onFloor = 1;
+  }
+
   /** Begins anew: the texture of a surface that is partly transparent has arrived. */
   renew() {
-    if (this.subject) this.begin(this.subject);
+    const { subject } = this;
+    this.subject = null;
+    if (subject) this.begin(subject);
   }
 
   /**
@@ -167,9 +177,11 @@ export class MeshShadows {
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
     this.clear(seen.missed, 0);
     this.clear(seen.open, 1);
+    this.drawFirst();
     // Shadows that are known stay while the camera turns; those of few directions, where all take long.
     if (!this.lampsGathered) this.gatherLamps();
     const known = Math.floor(this.drawn / TILES);
+    if (!known && this.drawn) this.gather(0, false);
     while (this.gathered < (this.isFast ? known : Math.min(known, 1))) this.gather(this.gathered++, false);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
@@ -270,7 +282,7 @@ export class MeshShadows {
     }
   }
 
-  /** Adds up what a batch's light misses. @param {number} batch @param {boolean} isFloor whether on the floor, or else where the camera sees something */
+  /** Adds up what a batch's light misses, or those directions of the first one that are drawn. @param {number} batch @param {boolean} isFloor whether on the floor, or else where the camera sees something */
   gather(batch, isFloor) {
     const { gl, kept, seen, subject, samples } = this;
     const linked = this.program(GATHER_VERTEX, GATHER_FRAGMENT, isFloor ? ["FLOOR"] : []);
@@ -278,9 +290,11 @@ export class MeshShadows {
     const { at } = linked;
     this.beginGathering(linked, isFloor ? kept.floorMissed : seen.missed, isFloor, batch);
     const first = batch * TILES;
-    const scale = this.batches;
+    const count = Math.min(TILES, this.drawn - first);
+    const scale = samples.length / count;
     bindTo(gl, UNITS.maps, gl.TEXTURE_2D_ARRAY, kept.maps);
     gl.uniform1f(at("layer"), batch);
+    gl.uniform1i(at("count"), count);
     gl.uniform1f(at("texelSize"), (2 * radiusOf(subject.mesh) * ACROSS) / MAP);
     gl.uniform4fv(at("rows"), this.rows.slice(first, first + TILES).flat());
     gl.uniform3fv(at("ways"), samples.slice(first, first + TILES).flatMap(({ way }) => way));
@@ -387,6 +401,7 @@ export class MeshShadows {
     gl.uniform3fv(at("floorX"), floorX);
     gl.uniform3fv(at("floorY"), floorY);
     gl.uniform1f(at("floorAlbedo"), floor?.albedo ?? 0);
+    gl.uniform1f(at("floorSpread"), Math.sqrt(this.samples.length / (this.onFloor * TILES || this.drawn || 1)));
     gl.uniform3fv(at("floorRadiance"), floor?.radiance ?? [1, 1, 1]);
     gl.uniform1i(at("floorMissed"), UNITS.floorMissed);
     gl.uniform1i(at("floorOpen"), UNITS.floorOpen);
@@ -502,6 +517,13 @@ function acrossOf(way, turn) {
   const b = cross(way, a);
   const [cosine, sine] = [Math.cos(turn), Math.sin(turn)];
   return [/** @type {Vec3} */ (a.map((value, i) => cosine * value + sine * (b[i] ?? 0))), /** @type {Vec3} */ (b.map((value, i) => cosine * value - sine * (a[i] ?? 0)))];
+}
+
+/** Returns whether two scenes cast the same shadows, but for textures. @param {Subject} a @param {Subject} b */
+function isSameShape(a, b) {
+  if (a.tables !== b.tables || a.mesh.triangles !== b.mesh.triangles || String(a.above) !== String(b.above) || JSON.stringify(a.lamps) !== JSON.stringify(b.lamps)) return false;
+  const [extent, other] = [extentOf(a.mesh), extentOf(b.mesh)];
+  return extent.every((value, i) => Math.abs(value - (other[i] ?? 0)) <= SLACK * radiusOf(a.mesh));
 }
 
 /** Golden angle: tiles are turned by it, so that the errors of their texels average out. */
