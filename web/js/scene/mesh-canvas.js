@@ -368,7 +368,7 @@ export class MeshCanvas {
     if (this.light) gl.deleteTexture(this.light.texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.around);
     this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, hasFloor, above: this.above, isBlack };
-    if (this.shadows?.isPossible) this.shadows.begin({ mesh, tables, lamps, above: hasFloor ? this.above : null, drawPart: (part, material, at) => this.drawShape(part, material, at) });
+    if (this.shadows?.isPossible) this.shadows.begin({ mesh, tables, lamps, above: hasFloor ? this.above : null, isAlone: isBlack, drawPart: (part, material, at) => this.drawShape(part, material, at) });
     return this.light;
   }
 

@@ -25,8 +25,12 @@ const [MAP, LAMP_MAP] = [2048, 2048];
 const REACH = 3.5;
 /** How far from the middle of the scene the map's corners are, in radii. */
 export const FLOOR_REACH = 1 + REACH * Math.SQRT2;
+/** Height above the floor, in radii of the scene, up to which what lies on it is taken for a part of it: a base or a plate. */
+const BASE = 0.05;
 /** Part of the light that other surfaces of the scene receive, which are seen in place of the light. */
 const OPEN = 0.7;
+/** Part of the light around that stays where surfaces are seen in its place, if it is but an estimate of what surfaces reflect. */
+const REFLECTED = 0.6;
 /** Part of the light that passes through glass, besides what it refracts elsewhere. */
 const CLEAR = 0.7;
 /** Texture units; those of the mesh are below. */
@@ -40,7 +44,7 @@ const MANY_TRIANGLES = 200_000;
 /** Difference of two scenes' extents, of their size, up to which they have the same shape. */
 const SLACK = 1e-4;
 
-/** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, drawPart: (part: MeshPart, material: MeshMaterial, at: (name: string) => WebGLUniformLocation | null) => void}} Subject above: up in the scene, if it stands on a floor */
+/** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, isAlone: boolean, drawPart: (part: MeshPart, material: MeshMaterial, at: (name: string) => WebGLUniformLocation | null) => void}} Subject isAlone: whether only lamps light it. above: up in the scene, if it stands on a floor */
 
 export class MeshShadows {
   /**
@@ -67,7 +71,7 @@ export class MeshShadows {
     this.tilesAtOnce = FIRST_TILES;
     /** @type {Float32Array<ArrayBuffer> | null} */
     this.toClip = null;
-    /** @type {{maps: WebGLTexture, lampMaps: WebGLTexture | null, frame: WebGLFramebuffer, floorMissed: WebGLTexture, floorOpen: WebGLTexture} | null} */
+    /** @type {{maps: WebGLTexture, lampMaps: WebGLTexture | null, frame: WebGLFramebuffer, floorMissed: WebGLTexture, floorOpen: WebGLTexture, base: WebGLTexture} | null} base: depth of the floor and what lies on it, from above */
     this.kept = null;
     /** What the camera sees. @type {{width: number, height: number, depth: WebGLTexture, normal: WebGLTexture, missed: WebGLTexture, open: WebGLTexture} | null} */
     this.seen = null;
@@ -109,13 +113,14 @@ export class MeshShadows {
     const radius = radiusOf(mesh);
     this.rows = this.samples.map(({ way }, i) => rowsTowards(way, i, radius));
     const albedo = albedoOf(mesh);
-    this.instead = this.samples.flatMap(({ way, weight }) => irradianceAt(tables.irradiance, /** @type {Vec3} */ (way.map((value) => -value))).map((value, k) => OPEN * weight * value * (albedo[k] ?? 0)));
+    this.instead = this.samples.flatMap(({ way, weight, color }) => subject.isAlone ? color.map((value) => REFLECTED * value) : irradianceAt(tables.irradiance, /** @type {Vec3} */ (way.map((value) => -value))).map((value, k) => OPEN * weight * value * (albedo[k] ?? 0)));
     this.drawn = this.onFloor = this.gathered = 0;
     this.lampTiles = lampTilesOf(mesh, lamps);
     this.lampsDrawn = this.lampsGathered = !this.lampTiles.length;
     this.kept ??= {
       ...{ maps: this.depthArray(MAP, BATCHES, gl.DEPTH_COMPONENT16), lampMaps: null, frame: gl.createFramebuffer() },
       ...{ floorMissed: this.target(FLOOR_TEXELS, FLOOR_TEXELS, gl.RGBA16F), floorOpen: this.target(FLOOR_TEXELS, FLOOR_TEXELS, gl.RGBA8) },
+      base: this.depthTexture(FLOOR_TEXELS, FLOOR_TEXELS),
     };
     if (this.lampTiles.length) this.kept.lampMaps ??= this.depthArray(LAMP_MAP, 1, gl.DEPTH_COMPONENT24);
     this.clear(this.kept.floorMissed, 0);
@@ -129,6 +134,7 @@ export class MeshShadows {
     if (this.drawn || !samples.length || !subject) return;
     gl.disable(gl.BLEND);
     gl.enable(gl.DEPTH_TEST);
+    if (subject.above) this.drawBase();
     this.drawTiles(subject.mesh.triangles > MANY_TRIANGLES ? FIRST_TILES : TILES);
     if (subject.above) this.gather(0, true);
     if (this.drawn === TILES) this.onFloor = 1;
@@ -235,6 +241,28 @@ export class MeshShadows {
     this.fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
     return hasChanged;
+  }
+
+  /** Draws what lies on the floor, as it is seen from above. */
+  drawBase() {
+    const { gl, kept, subject } = this;
+    const linked = this.program(DEPTH_VERTEX, DEPTH_FRAGMENT);
+    if (!kept || !subject || !linked) return;
+    const { above, height, floorX, floorY } = floorMap(subject);
+    const thick = BASE * radiusOf(subject.mesh);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, kept.frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, null, 0);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, kept.base, 0);
+    gl.viewport(0, 0, FLOOR_TEXELS, FLOOR_TEXELS);
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.useProgram(linked.program);
+    gl.uniform1i(linked.at("isHalved"), 1);
+    // From the near plane at its top to the far one on the floor.
+    const rows = [[...floorX.map((value) => 2 * value), 0], [...floorY.map((value) => 2 * value), 0], [...above.map((value) => (-2 * value) / thick), 1 + (2 * height) / thick]].flat();
+    const toBase = matrixOf(rows);
+    for (const axis of [0, 1, 2]) toBase[12 + axis] = rows[4 * axis + 3] ?? 0;
+    this.drawSolids(linked, toBase, ({ transmission }) => 1 - CLEAR * transmission);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
   }
 
   /** Draws the depth of the scene as it is seen from further directions. @param {number} count */
@@ -370,6 +398,9 @@ export class MeshShadows {
       gl.uniform3fv(at("alongX"), alongX);
       gl.uniform3fv(at("alongY"), alongY);
       gl.uniform3fv(at("above"), above);
+      gl.uniform1f(at("thick"), BASE * radiusOf(subject.mesh));
+      gl.uniform1i(at("base"), UNITS.seenDepth);
+      bindTo(gl, UNITS.seenDepth, gl.TEXTURE_2D, kept.base);
     } else {
       gl.uniformMatrix4fv(at("toClip"), false, /** @type {Float32Array<ArrayBuffer>} */ (this.toClip));
       gl.uniform1i(at("seenDepth"), UNITS.seenDepth);
@@ -401,7 +432,7 @@ export class MeshShadows {
     gl.uniform3fv(at("floorX"), floorX);
     gl.uniform3fv(at("floorY"), floorY);
     gl.uniform1f(at("floorAlbedo"), floor?.albedo ?? 0);
-    gl.uniform1f(at("floorSpread"), Math.sqrt(this.samples.length / (this.onFloor * TILES || this.drawn || 1)));
+    gl.uniform1f(at("floorSpread"), Math.sqrt(Math.max(1, this.samples.length / (this.onFloor * TILES || this.drawn || 1))));
     gl.uniform3fv(at("floorRadiance"), floor?.radiance ?? [1, 1, 1]);
     gl.uniform1i(at("floorMissed"), UNITS.floorMissed);
     gl.uniform1i(at("floorOpen"), UNITS.floorOpen);
