@@ -10,7 +10,7 @@ import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
 import { FLOOR_REACH, MeshShadows } from "./mesh-shadow.js";
 import { SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
-import { aroundTexture, fillTexture, tablesOf, whiteTexture } from "./mesh-textures.js";
+import { aroundTexture, fillTexel, fillTexture, standInOf, tablesOf, texelTexture } from "./mesh-textures.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").View} View */
@@ -19,6 +19,8 @@ import { aroundTexture, fillTexture, tablesOf, whiteTexture } from "./mesh-textu
 /** @typedef {import("../news/mesh-packet.js").MeshPart} MeshPart */
 
 const MAX_RATIO = 2;
+/** Time, in milliseconds, that a mesh waits for its textures: what was drawn before stays meanwhile. */
+const HELD_MS = 400;
 /** Texture units of the mesh: the projected picture has 1 to 4 (kept-picture.js). */
 const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8 };
 const ALPHA_MODES = { opaque: 0, mask: 1, blend: 2 };
@@ -48,6 +50,10 @@ export class MeshCanvas {
     /** What has projected a picture, for the next one: its programs take long to compile. @type {KeptPicture | null} */
     this.projector = null;
     this.pending = 0;
+    /** Ends the wait for textures. @type {ReturnType<typeof setTimeout> | undefined} */
+    this.held = undefined;
+    /** Fulfilled once the mesh waits no more. @type {Promise<void>} */
+    this.ready = Promise.resolve();
     /** The next frame in which shadows are computed; and whether the mesh has been drawn with those of a whole batch. */
     this.refining = 0;
     this.hasShadows = false;
@@ -125,19 +131,40 @@ export class MeshCanvas {
     else gl.disableVertexAttribArray(PLACES.uv);
     fill(gl.ELEMENT_ARRAY_BUFFER, mesh.indices);
     gl.activeTexture(gl.TEXTURE0);
-    this.textures = [...mesh.textures, null].map(() => whiteTexture(gl));
+    this.textures = [...mesh.textures.map((_, number) => texelTexture(gl, standInOf(number, mesh.materials))), texelTexture(gl)];
+    this.hold(mesh);
     const data = new Set(mesh.materials.map((material) => material.metallic_roughness_texture));
     mesh.textures.forEach(({ image, sampler }, number) =>
       void image.then((arrived) => {
-        if (!arrived || this.mesh !== mesh || gl.isContextLost()) return;
+        if (this.mesh !== mesh || gl.isContextLost()) return;
         gl.activeTexture(gl.TEXTURE0);
-        fillTexture(gl, this.textures[number] ?? null, arrived, sampler, data.has(number));
+        if (arrived) fillTexture(gl, this.textures[number] ?? null, arrived, sampler, data.has(number));
+        else fillTexel(gl, this.textures[number] ?? null);
         if (mesh.materials.some(({ alpha_mode: mode, texture }) => mode !== "opaque" && texture === number)) this.shadows?.renew();
         this.canvas.dataset.textures = String(Number(this.canvas.dataset.textures ?? 0) + 1);
         this.invalidate();
       }),
     );
     this.invalidate();
+  }
+
+  /** Waits for the textures of a mesh, for HELD_MS at most. @param {MeshPacket} mesh */
+  hold(mesh) {
+    clearTimeout(this.held);
+    this.held = undefined;
+    if (!mesh.textures.length) {
+      this.ready = Promise.resolve();
+      return;
+    }
+    const all = Promise.allSettled(mesh.textures.map(({ image }) => image));
+    const late = new Promise((resolve) => (this.held = setTimeout(resolve, HELD_MS)));
+    const { held } = this;
+    this.ready = Promise.race([all, late]).then(() => {
+      if (this.held !== held) return; // another mesh waits
+      clearTimeout(held);
+      this.held = undefined;
+      this.invalidate();
+    });
   }
 
   /** @param {import("../base/types.js").Scene} scene */
@@ -192,7 +219,7 @@ export class MeshCanvas {
   invalidate() {
     this.pending ||= requestAnimationFrame(() => {
       this.pending = 0;
-      this.draw();
+      if (this.held === undefined) this.draw();
     });
   }
 
@@ -220,7 +247,7 @@ export class MeshCanvas {
 
   /** Whether the shadows become better while the camera rests. */
   get isRefining() {
-    return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && !this.shadows.isDone);
+    return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && this.held === undefined && !this.shadows.isDone);
   }
 
   /** Computes further shadows, and shows them: as they become better, or where drawing takes long, the first whole batch and the last one. */
@@ -450,6 +477,7 @@ export class MeshCanvas {
   dispose() {
     cancelAnimationFrame(this.pending);
     cancelAnimationFrame(this.refining);
+    clearTimeout(this.held);
     this.resizing.disconnect();
     this.release();
     this.gl?.getExtension("WEBGL_lose_context")?.loseContext();
