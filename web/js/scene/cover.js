@@ -175,13 +175,16 @@ export class Cover {
     if (mesh.mesh) this.layMesh();
     if (!scene.preview) return;
     /** @param {import("../news/mesh-packet.js").MeshPacket} packet */
-    const show = (packet) => {
-      if ((this.isSampled && !this.isHeld) || this.isDisposed || mesh.mesh === packet) return;
+    const show = async (packet) => {
+      const isOver = () => (this.isSampled && !this.isHeld) || this.isDisposed;
+      if (isOver() || mesh.mesh === packet) return;
       mesh.setMesh(packet);
+      await mesh.ready; // what is under it stays meanwhile
+      if (isOver()) return;
       this.layMesh();
       this.laid();
     };
-    void localMeshOf(scene.id).then((local) => local && !mesh.mesh && show(local.packet));
+    void localMeshOf(scene.id).then((local) => void (local && !mesh.mesh && show(local.packet)));
     meshOf(scene.id).then(show, () => {}); // the samples come without it
   }
 

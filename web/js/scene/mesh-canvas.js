@@ -10,7 +10,7 @@ import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
 import { FLOOR_REACH, MeshShadows } from "./mesh-shadow.js";
 import { SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
-import { aroundTexture, fillTexture, tablesOf, whiteTexture } from "./mesh-textures.js";
+import { aroundTexture, fillTexel, fillTexture, standInOf, tablesOf, texelTexture } from "./mesh-textures.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").View} View */
@@ -19,6 +19,8 @@ import { aroundTexture, fillTexture, tablesOf, whiteTexture } from "./mesh-textu
 /** @typedef {import("../news/mesh-packet.js").MeshPart} MeshPart */
 
 const MAX_RATIO = 2;
+/** Time, in milliseconds, that a mesh waits for its textures: what was drawn before stays meanwhile. */
+const HELD_MS = 400;
 /** Texture units of the mesh: the projected picture has 1 to 4 (kept-picture.js). */
 const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8 };
 const ALPHA_MODES = { opaque: 0, mask: 1, blend: 2 };
@@ -48,7 +50,11 @@ export class MeshCanvas {
     /** What has projected a picture, for the next one: its programs take long to compile. @type {KeptPicture | null} */
     this.projector = null;
     this.pending = 0;
-    /** The next frame in which shadows are computed; and whether the mesh has been drawn with any. */
+    /** Ends the wait for textures. @type {ReturnType<typeof setTimeout> | undefined} */
+    this.held = undefined;
+    /** Fulfilled once the mesh waits no more. @type {Promise<void>} */
+    this.ready = Promise.resolve();
+    /** The next frame in which shadows are computed; and whether the mesh has been drawn with those of a whole batch. */
     this.refining = 0;
     this.hasShadows = false;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
@@ -85,7 +91,6 @@ export class MeshCanvas {
     this.floor = true;
     this.setMesh(SAMPLE);
     this.drawMesh(clipMatrix(SAMPLE_VIEW, 1, SAMPLE.low, SAMPLE.high), SAMPLE, SAMPLE_VIEW, null, { width: canvas.width, height: canvas.height });
-    this.shadows?.compile();
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.flush();
@@ -126,19 +131,40 @@ export class MeshCanvas {
     else gl.disableVertexAttribArray(PLACES.uv);
     fill(gl.ELEMENT_ARRAY_BUFFER, mesh.indices);
     gl.activeTexture(gl.TEXTURE0);
-    this.textures = [...mesh.textures, null].map(() => whiteTexture(gl));
+    this.textures = [...mesh.textures.map((_, number) => texelTexture(gl, standInOf(number, mesh.materials))), texelTexture(gl)];
+    this.hold(mesh);
     const data = new Set(mesh.materials.map((material) => material.metallic_roughness_texture));
     mesh.textures.forEach(({ image, sampler }, number) =>
       void image.then((arrived) => {
-        if (!arrived || this.mesh !== mesh || gl.isContextLost()) return;
+        if (this.mesh !== mesh || gl.isContextLost()) return;
         gl.activeTexture(gl.TEXTURE0);
-        fillTexture(gl, this.textures[number] ?? null, arrived, sampler, data.has(number));
+        if (arrived) fillTexture(gl, this.textures[number] ?? null, arrived, sampler, data.has(number));
+        else fillTexel(gl, this.textures[number] ?? null);
         if (mesh.materials.some(({ alpha_mode: mode, texture }) => mode !== "opaque" && texture === number)) this.shadows?.renew();
         this.canvas.dataset.textures = String(Number(this.canvas.dataset.textures ?? 0) + 1);
         this.invalidate();
       }),
     );
     this.invalidate();
+  }
+
+  /** Waits for the textures of a mesh, for HELD_MS at most. @param {MeshPacket} mesh */
+  hold(mesh) {
+    clearTimeout(this.held);
+    this.held = undefined;
+    if (!mesh.textures.length) {
+      this.ready = Promise.resolve();
+      return;
+    }
+    const all = Promise.allSettled(mesh.textures.map(({ image }) => image));
+    const late = new Promise((resolve) => (this.held = setTimeout(resolve, HELD_MS)));
+    const { held } = this;
+    this.ready = Promise.race([all, late]).then(() => {
+      if (this.held !== held) return; // another mesh waits
+      clearTimeout(held);
+      this.held = undefined;
+      this.invalidate();
+    });
   }
 
   /** @param {import("../base/types.js").Scene} scene */
@@ -193,7 +219,7 @@ export class MeshCanvas {
   invalidate() {
     this.pending ||= requestAnimationFrame(() => {
       this.pending = 0;
-      this.draw();
+      if (this.held === undefined) this.draw();
     });
   }
 
@@ -215,24 +241,22 @@ export class MeshCanvas {
     if (isSame) return;
     const reach = !kept && this.hasFloor ? FLOOR_REACH : 1;
     this.drawMesh(clipMatrix(view, aspect, mesh.low, mesh.high, reach), mesh, view, kept, { width, height });
+    this.hasShadows ||= Boolean(this.shadows?.gathered);
     if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
   }
 
   /** Whether the shadows become better while the camera rests. */
   get isRefining() {
-    return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && !this.shadows.isDone);
+    return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && this.held === undefined && !this.shadows.isDone);
   }
 
-  /** Computes further shadows, and shows them: as they become better, or where drawing takes long, the first and the last ones. */
+  /** Computes further shadows, and shows them: as they become better, or where drawing takes long, the first whole batch and the last one. */
   refine() {
     this.refining = 0;
     const { shadows } = this;
     if (!shadows || !this.isRefining || this.gl?.isContextLost()) return;
     const hasChanged = shadows.work();
-    if (!this.isRefining || (hasChanged && (shadows.isFast || !this.hasShadows))) {
-      this.hasShadows = true;
-      this.draw();
-    }
+    if (!this.isRefining || (hasChanged && (shadows.isFast || !this.hasShadows))) this.draw();
     if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
   }
 
@@ -371,7 +395,7 @@ export class MeshCanvas {
     if (this.light) gl.deleteTexture(this.light.texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.around);
     this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, hasFloor, above: this.above, isBlack };
-    if (this.shadows?.isPossible) this.shadows.begin({ mesh, tables, lamps, above: hasFloor ? this.above : null, drawPart: (part, material, at) => this.drawShape(part, material, at) });
+    if (this.shadows?.isPossible) this.shadows.begin({ mesh, tables, lamps, above: hasFloor ? this.above : null, isAlone: isBlack, drawPart: (part, material, at) => this.drawShape(part, material, at) });
     return this.light;
   }
 
@@ -453,6 +477,7 @@ export class MeshCanvas {
   dispose() {
     cancelAnimationFrame(this.pending);
     cancelAnimationFrame(this.refining);
+    clearTimeout(this.held);
     this.resizing.disconnect();
     this.release();
     this.gl?.getExtension("WEBGL_lose_context")?.loseContext();

@@ -13,13 +13,14 @@ uniform float floorAlbedo;
 uniform vec3 floorRadiance; // where nothing is in the light's way
 const float FLOOR_TEXELS = ${FLOOR_TEXELS}.0;
 uniform vec3 floorBounds; // half the scene's extent
-const float BLUR = 0.3; // angle between neighbouring directions of the light, about
+uniform float floorSpread; // angle between neighbouring directions of the light so far, in proportion to that of all
+const float BLUR = 0.3; // angle between neighbouring ones of all directions, about
 // Shadows farther from the scene are of something higher: those of all directions blend there.
 vec3 floorShadow(vec3 place) {
   vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
   vec2 edge = 1.0 - smoothstep(0.3, 0.5, abs(uv - 0.5));
   vec3 beside = max(abs(place) - floorBounds, 0.0) * (1.0 - abs(floorPlane.xyz));
-  float level = log2(1.0 + BLUR * length(beside) * length(floorX) * FLOOR_TEXELS);
+  float level = log2(floorSpread * (1.0 + BLUR * length(beside) * length(floorX) * FLOOR_TEXELS));
   return edge.x * edge.y * textureLod(floorMissed, uv, level).rgb;
 }
 // What of the light reflected by the floor is missing along a ray that goes downward, spread by roughness.

@@ -73,9 +73,11 @@ uniform vec3 corner; // of the floor's map
 uniform vec3 alongX;
 uniform vec3 alongY;
 uniform vec3 above;
+uniform sampler2D base; // depth of what lies on the floor, from above
+uniform float thick; // height of depth 0 above the floor
 bool point(out vec3 place, out vec3 n) {
   vec2 uv = 0.5 + 0.5 * at;
-  place = corner + uv.x * alongX + uv.y * alongY;
+  place = corner + uv.x * alongX + uv.y * alongY + thick * (1.0 - texelFetch(base, ivec2(gl_FragCoord.xy), 0).r) * above;
   n = above;
   return true;
 }
@@ -102,6 +104,7 @@ precision highp float;
 precision highp sampler2DArrayShadow;
 uniform sampler2DArrayShadow maps;
 uniform float layer;
+uniform int count; // of its directions
 uniform float texelSize; // width of a map's texel, in the scene
 uniform vec4 rows[${3 * TILES}]; // to the tiles' coordinates
 uniform vec3 ways[${TILES}];
@@ -118,7 +121,7 @@ void main() {
   vec3 place, n;
   missed = vec4(0.0);
   if (!point(place, n)) return;
-  for (int i = 0; i < ${TILES}; i++) {
+  for (int i = 0; i < count; i++) {
     float cosine = dot(n, ways[i]);
     if (cosine <= 0.0) continue;
     vec4 from = vec4(place + texelSize * (1.5 * n + ways[i]), 1.0);
@@ -166,10 +169,12 @@ void main() {
     if (seen.w <= 0.0 || max(abs(seen.x), abs(seen.y)) >= seen.w) continue;
     float depth = clamp(0.5 + 0.5 * seen.z / seen.w, 0.0, 1.0);
     float found = 0.0;
-    for (int k = 0; k < 4; k++) { // each compares four texels
-      vec2 inTile = 0.5 + 0.5 * seen.xy / seen.w + texelWidth * (vec2(k & 1, k >> 1) - 0.5);
+    for (int k = 0; k < 16; k++) { // each compares four texels
+      vec2 step = vec2(k & 3, k >> 2) - 1.5;
+      vec2 inTile = 0.5 + 0.5 * seen.xy / seen.w + texelWidth * step;
       vec2 uv = (clamp(inTile, texelWidth, 1.0 - texelWidth) + vec2(i % across, i / across)) * filled / float(across);
-      found += 0.25 * texture(maps, vec4(uv, layer, depth));
+      vec2 weight = 2.0 - abs(step);
+      found += weight.x * weight.y * texture(maps, vec4(uv, layer, depth)) / 16.0;
     }
     open[lamp] = min(open[lamp], found);
   }

@@ -25,8 +25,12 @@ const [MAP, LAMP_MAP] = [2048, 2048];
 const REACH = 3.5;
 /** How far from the middle of the scene the map's corners are, in radii. */
 export const FLOOR_REACH = 1 + REACH * Math.SQRT2;
+/** Height above the floor, in radii of the scene, up to which what lies on it is taken for a part of it: a base or a plate. */
+const BASE = 0.05;
 /** Part of the light that other surfaces of the scene receive, which are seen in place of the light. */
 const OPEN = 0.7;
+/** Part of the light around that stays where surfaces are seen in its place, if it is but an estimate of what surfaces reflect. */
+const REFLECTED = 0.6;
 /** Part of the light that passes through glass, besides what it refracts elsewhere. */
 const CLEAR = 0.7;
 /** Texture units; those of the mesh are below. */
@@ -35,8 +39,12 @@ export const UNITS = { maps: 9, seenDepth: 10, seenNormal: 11, missed: 12, open:
 const MANY_PIXELS = 500_000;
 /** Time, in milliseconds, that the shadows may take of a frame; and number of tiles that are drawn in a frame, at first and at least. */
 const [BUDGET_MS, FIRST_TILES] = [25, 4];
+/** Triangles above which the first frame has the shadows of FIRST_TILES directions, and else those of a batch. */
+const MANY_TRIANGLES = 200_000;
+/** Difference of two scenes' extents, of their size, up to which they have the same shape. */
+const SLACK = 1e-4;
 
-/** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, drawPart: (part: MeshPart, material: MeshMaterial, at: (name: string) => WebGLUniformLocation | null) => void}} Subject above: up in the scene, if it stands on a floor */
+/** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, isAlone: boolean, drawPart: (part: MeshPart, material: MeshMaterial, at: (name: string) => WebGLUniformLocation | null) => void}} Subject isAlone: whether only lamps light it. above: up in the scene, if it stands on a floor */
 
 export class MeshShadows {
   /**
@@ -63,7 +71,7 @@ export class MeshShadows {
     this.tilesAtOnce = FIRST_TILES;
     /** @type {Float32Array<ArrayBuffer> | null} */
     this.toClip = null;
-    /** @type {{maps: WebGLTexture, lampMaps: WebGLTexture | null, frame: WebGLFramebuffer, floorMissed: WebGLTexture, floorOpen: WebGLTexture} | null} */
+    /** @type {{maps: WebGLTexture, lampMaps: WebGLTexture | null, frame: WebGLFramebuffer, floorMissed: WebGLTexture, floorOpen: WebGLTexture, base: WebGLTexture} | null} base: depth of the floor and what lies on it, from above */
     this.kept = null;
     /** What the camera sees. @type {{width: number, height: number, depth: WebGLTexture, normal: WebGLTexture, missed: WebGLTexture, open: WebGLTexture} | null} */
     this.seen = null;
@@ -81,15 +89,6 @@ export class MeshShadows {
     return !this.isPossible || !this.subject || (this.gathered === this.batches && this.lampsGathered);
   }
 
-  /** Compiles what each mesh needs, by drawing, after the first mesh has been drawn. */
-  compile() {
-    if (!this.isPossible || !this.subject || !this.seen) return;
-    this.drawTiles(TILES);
-    this.gather(0, true);
-    this.gather(0, false);
-    this.gl.bindFramebuffer(this.gl.FRAMEBUFFER, null);
-  }
-
   /** Whether a whole batch is drawn between two frames: then the picture can be drawn in each. */
   get isFast() {
     return this.tilesAtOnce >= TILES;
@@ -100,25 +99,28 @@ export class MeshShadows {
     return this.samples.length / TILES;
   }
 
-  /** Begins the shadows of another mesh, or of another light. @param {Subject} subject */
+  /** Begins the shadows of another mesh, or of another light; those of the same shape, which the service has read too, stay. @param {Subject} subject */
   begin(subject) {
     const { gl } = this;
+    const isAlike = this.subject !== null && isSameShape(this.subject, subject);
     this.subject = subject;
+    this.toClip = null;
     const { mesh, tables, lamps } = subject;
+    this.shining = new Map(lamps.length ? mesh.parts.filter(({ material }) => Math.max(...(mesh.materials[material]?.emission ?? [])) > 0).map((part) => [part, boxOf(mesh, part)]) : []);
+    if (isAlike) return;
     const table = /** @type {LightTables["levels"][number]} */ (tables.levels[0]);
     this.samples = lightSamples(table, BATCHES * TILES);
     const radius = radiusOf(mesh);
     this.rows = this.samples.map(({ way }, i) => rowsTowards(way, i, radius));
     const albedo = albedoOf(mesh);
-    this.instead = this.samples.flatMap(({ way, weight }) => irradianceAt(tables.irradiance, /** @type {Vec3} */ (way.map((value) => -value))).map((value, k) => OPEN * weight * value * (albedo[k] ?? 0)));
+    this.instead = this.samples.flatMap(({ way, weight, color }) => subject.isAlone ? color.map((value) => REFLECTED * value) : irradianceAt(tables.irradiance, /** @type {Vec3} */ (way.map((value) => -value))).map((value, k) => OPEN * weight * value * (albedo[k] ?? 0)));
     this.drawn = this.onFloor = this.gathered = 0;
     this.lampTiles = lampTilesOf(mesh, lamps);
-    this.shining = new Map(lamps.length ? mesh.parts.filter(({ material }) => Math.max(...(mesh.materials[material]?.emission ?? [])) > 0).map((part) => [part, boxOf(mesh, part)]) : []);
     this.lampsDrawn = this.lampsGathered = !this.lampTiles.length;
-    this.toClip = null;
     this.kept ??= {
       ...{ maps: this.depthArray(MAP, BATCHES, gl.DEPTH_COMPONENT16), lampMaps: null, frame: gl.createFramebuffer() },
       ...{ floorMissed: this.target(FLOOR_TEXELS, FLOOR_TEXELS, gl.RGBA16F), floorOpen: this.target(FLOOR_TEXELS, FLOOR_TEXELS, gl.RGBA8) },
+      base: this.depthTexture(FLOOR_TEXELS, FLOOR_TEXELS),
     };
     if (this.lampTiles.length) this.kept.lampMaps ??= this.depthArray(LAMP_MAP, 1, gl.DEPTH_COMPONENT24);
     this.clear(this.kept.floorMissed, 0);
@@ -126,9 +128,23 @@ export class MeshShadows {
     this.mipmap();
   }
 
+  /** Draws what the first frame is shown with, few directions where there are many triangles, and gathers it for the floor. */
+  drawFirst() {
+    const { gl, subject, samples } = this;
+    if (this.drawn || !samples.length || !subject) return;
+    gl.disable(gl.BLEND);
+    gl.enable(gl.DEPTH_TEST);
+    if (subject.above) this.drawBase();
+    this.drawTiles(subject.mesh.triangles > MANY_TRIANGLES ? FIRST_TILES : TILES);
+    if (subject.above) this.gather(0, true);
+    if (this.drawn === TILES) this.onFloor = 1;
+  }
+
   /** Begins anew: the texture of a surface that is partly transparent has arrived. */
   renew() {
-    if (this.subject) this.begin(this.subject);
+    const { subject } = this;
+    this.subject = null;
+    if (subject) this.begin(subject);
   }
 
   /**
@@ -167,9 +183,11 @@ export class MeshShadows {
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
     this.clear(seen.missed, 0);
     this.clear(seen.open, 1);
+    this.drawFirst();
     // Shadows that are known stay while the camera turns; those of few directions, where all take long.
     if (!this.lampsGathered) this.gatherLamps();
     const known = Math.floor(this.drawn / TILES);
+    if (!known && this.drawn) this.gather(0, false);
     while (this.gathered < (this.isFast ? known : Math.min(known, 1))) this.gather(this.gathered++, false);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
@@ -225,6 +243,28 @@ export class MeshShadows {
     return hasChanged;
   }
 
+  /** Draws what lies on the floor, as it is seen from above. */
+  drawBase() {
+    const { gl, kept, subject } = this;
+    const linked = this.program(DEPTH_VERTEX, DEPTH_FRAGMENT);
+    if (!kept || !subject || !linked) return;
+    const { above, height, floorX, floorY } = floorMap(subject);
+    const thick = BASE * radiusOf(subject.mesh);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, kept.frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, null, 0);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, kept.base, 0);
+    gl.viewport(0, 0, FLOOR_TEXELS, FLOOR_TEXELS);
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.useProgram(linked.program);
+    gl.uniform1i(linked.at("isHalved"), 1);
+    // From the near plane at its top to the far one on the floor.
+    const rows = [[...floorX.map((value) => 2 * value), 0], [...floorY.map((value) => 2 * value), 0], [...above.map((value) => (-2 * value) / thick), 1 + (2 * height) / thick]].flat();
+    const toBase = matrixOf(rows);
+    for (const axis of [0, 1, 2]) toBase[12 + axis] = rows[4 * axis + 3] ?? 0;
+    this.drawSolids(linked, toBase, ({ transmission }) => 1 - CLEAR * transmission);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
+  }
+
   /** Draws the depth of the scene as it is seen from further directions. @param {number} count */
   drawTiles(count) {
     const { gl, kept } = this;
@@ -270,7 +310,7 @@ export class MeshShadows {
     }
   }
 
-  /** Adds up what a batch's light misses. @param {number} batch @param {boolean} isFloor whether on the floor, or else where the camera sees something */
+  /** Adds up what a batch's light misses, or those directions of the first one that are drawn. @param {number} batch @param {boolean} isFloor whether on the floor, or else where the camera sees something */
   gather(batch, isFloor) {
     const { gl, kept, seen, subject, samples } = this;
     const linked = this.program(GATHER_VERTEX, GATHER_FRAGMENT, isFloor ? ["FLOOR"] : []);
@@ -278,9 +318,11 @@ export class MeshShadows {
     const { at } = linked;
     this.beginGathering(linked, isFloor ? kept.floorMissed : seen.missed, isFloor, batch);
     const first = batch * TILES;
-    const scale = this.batches;
+    const count = Math.min(TILES, this.drawn - first);
+    const scale = samples.length / count;
     bindTo(gl, UNITS.maps, gl.TEXTURE_2D_ARRAY, kept.maps);
     gl.uniform1f(at("layer"), batch);
+    gl.uniform1i(at("count"), count);
     gl.uniform1f(at("texelSize"), (2 * radiusOf(subject.mesh) * ACROSS) / MAP);
     gl.uniform4fv(at("rows"), this.rows.slice(first, first + TILES).flat());
     gl.uniform3fv(at("ways"), samples.slice(first, first + TILES).flatMap(({ way }) => way));
@@ -356,6 +398,9 @@ export class MeshShadows {
       gl.uniform3fv(at("alongX"), alongX);
       gl.uniform3fv(at("alongY"), alongY);
       gl.uniform3fv(at("above"), above);
+      gl.uniform1f(at("thick"), BASE * radiusOf(subject.mesh));
+      gl.uniform1i(at("base"), UNITS.seenDepth);
+      bindTo(gl, UNITS.seenDepth, gl.TEXTURE_2D, kept.base);
     } else {
       gl.uniformMatrix4fv(at("toClip"), false, /** @type {Float32Array<ArrayBuffer>} */ (this.toClip));
       gl.uniform1i(at("seenDepth"), UNITS.seenDepth);
@@ -387,6 +432,7 @@ export class MeshShadows {
     gl.uniform3fv(at("floorX"), floorX);
     gl.uniform3fv(at("floorY"), floorY);
     gl.uniform1f(at("floorAlbedo"), floor?.albedo ?? 0);
+    gl.uniform1f(at("floorSpread"), Math.sqrt(Math.max(1, this.samples.length / (this.onFloor * TILES || this.drawn || 1))));
     gl.uniform3fv(at("floorRadiance"), floor?.radiance ?? [1, 1, 1]);
     gl.uniform1i(at("floorMissed"), UNITS.floorMissed);
     gl.uniform1i(at("floorOpen"), UNITS.floorOpen);
@@ -502,6 +548,13 @@ function acrossOf(way, turn) {
   const b = cross(way, a);
   const [cosine, sine] = [Math.cos(turn), Math.sin(turn)];
   return [/** @type {Vec3} */ (a.map((value, i) => cosine * value + sine * (b[i] ?? 0))), /** @type {Vec3} */ (b.map((value, i) => cosine * value - sine * (a[i] ?? 0)))];
+}
+
+/** Returns whether two scenes cast the same shadows, but for textures. @param {Subject} a @param {Subject} b */
+function isSameShape(a, b) {
+  if (a.tables !== b.tables || a.mesh.triangles !== b.mesh.triangles || String(a.above) !== String(b.above) || JSON.stringify(a.lamps) !== JSON.stringify(b.lamps)) return false;
+  const [extent, other] = [extentOf(a.mesh), extentOf(b.mesh)];
+  return extent.every((value, i) => Math.abs(value - (other[i] ?? 0)) <= SLACK * radiusOf(a.mesh));
 }
 
 /** Golden angle: tiles are turned by it, so that the errors of their texels average out. */

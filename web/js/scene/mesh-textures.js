@@ -7,13 +7,32 @@ import { lightTables } from "./mesh-environment.js";
 
 const MOST_ANISOTROPY = 4;
 
-/** @param {WebGL2RenderingContext} gl @returns {WebGLTexture} one white texel, bound to the active unit */
-export function whiteTexture(gl) {
+/** Texels, linear and with opacity: one that changes nothing, and those of images that are awaited. @typedef {[number, number, number, number]} Texel */
+const WHITE = /** @type {Texel} */ ([255, 255, 255, 255]);
+const GREY = /** @type {Texel} */ ([90, 90, 90, 255]);
+const HALF = /** @type {Texel} */ ([90, 90, 90, 128]);
+const BLACK = /** @type {Texel} */ ([0, 0, 0, 255]);
+
+/** @param {WebGL2RenderingContext} gl @param {Texel} [texel] @returns {WebGLTexture} one texel, bound to the active unit */
+export function texelTexture(gl, texel) {
   const texture = gl.createTexture();
   gl.bindTexture(gl.TEXTURE_2D, texture);
-  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array([255, 255, 255, 255]));
+  fillTexel(gl, texture, texel);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
   return texture;
+}
+
+/** @param {WebGL2RenderingContext} gl @param {WebGLTexture | null} texture @param {Texel} [texel] */
+export function fillTexel(gl, texture, texel = WHITE) {
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(texel));
+}
+
+/** Returns what stands in for a texture whose image has not arrived: no colour is far from a middle grey. @param {number} number @param {import("../news/mesh-packet.js").MeshMaterial[]} materials @returns {Texel} */
+export function standInOf(number, materials) {
+  const colored = materials.filter(({ texture }) => texture === number);
+  if (colored.length) return colored.every(({ alpha_mode: mode }) => mode === "blend") ? HALF : GREY;
+  return materials.some(({ emission_texture: glow }) => glow === number) ? BLACK : WHITE;
 }
 
 /**
