@@ -67,7 +67,7 @@ export function lightChoices(chosen, add) {
         update(fraction, said) {
           bar.update(fraction);
           setText(words, said);
-          element.title = `${said} ${label}`;
+          element.title = `${said}\n${label}`;
         },
         remove() {
           arriving.splice(arriving.indexOf(element), 1);
