@@ -113,7 +113,9 @@ class WorkerOut(Coded):
     memory_used: int | None = Field(description="bytes used on its machine; null: unknown")
     memory_total: int | None = Field(description="bytes of memory of its machine; null: unknown")
     failures: int = Field(description="batches that failed there since the service started")
-    speeds: list[float] = Field(description="samples per second of all slots: means per minute of the last hour, newest last")
+    speeds: list[float] = Field(
+        description="samples per second of all slots while they render: means per minute of the last hour, newest last"
+    )
     cards: list[CardOut] = Field([], description="graphics cards with which its slots render")
     cards_unused: list[str] = Field([], description="why other graphics cards are not used, a sentence each")
     transport: Literal["redis", "https"] = Field("redis", description="how it reaches the queue; https: through the service")

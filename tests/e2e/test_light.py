@@ -106,6 +106,10 @@ def test_image_dropped_on_the_home_page_lights_the_last_scene(
     drop(page, "porch.exr", hdri(tmp_path / "porch.exr"))
     page.get_by_role("button", name=f"Light “{name}” with it").click()
     expect(page.get_by_role("radio", name="porch")).to_be_checked(timeout=30_000)
+    row = page.locator(".lights .face:visible")
+    assert len({round(box["y"]) for each in row.all() if (box := each.bounding_box())}) == 1
+    shown = page.locator(".lights .name:visible").all_text_contents()
+    assert shown[1:] == ["Studio", "Overcast", "Clear sky", "porch"], "the chosen image takes no other light's place"
     assert not watched.errors
 
 

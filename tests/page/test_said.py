@@ -27,6 +27,25 @@ def test_code_is_translated_with_parameters(program: str) -> None:
     assert translate(program, (NO_JOB, NO_JOB.coded), locale="en-GB") == [NO_JOB]
 
 
+@pytest.mark.parametrize(("locale", "bracket"), [("en-GB", " ("), ("de-DE", " ("), ("zh-CN", "（")])
+def test_cause_in_brackets_is_taken_off(program: str, locale: str, bracket: str) -> None:
+    fault = Sentence("file-cut-off", "{name} ends before its data does. Copy or export it again", name="a.glb")
+    cause = Sentence("line-numbered", "line {line}", line=3)
+    both = Sentence("fault-with-detail", "{fault} ({detail})", fault=fault, detail=cause)
+    damaged = Sentence(
+        "fbx-file-damaged", "{name} is damaged or not an FBX file. Export it again ({error})", name="a.fbx", error="bad (1)"
+    )
+    records = [{"error": text, "codes": {"error": text.coded}} for text in (both, damaged, NO_JOB)]
+    with Node(program, locale) as node:
+        found = node.call(
+            "base/said", "return a.map((each) => [m.saidOf(each, 'error'), ...m.saidApart(each, 'error')]);", records
+        )
+    for whole, text, words in found[:2]:
+        assert whole.startswith(f"{text}{bracket}{words}") and "3" not in text and "(1)" not in text
+    whole, text, words = found[2]
+    assert (text, words) == (whole, "")
+
+
 def test_text_without_code_is_unchanged(program: str) -> None:
     """A text without a known code, from an older worker or a newer release, is shown unchanged."""
     unknown = {"code": "not-known-here", "params": {}}

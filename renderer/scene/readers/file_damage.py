@@ -104,12 +104,14 @@ def _cut_off(path: Path, head: bytes, tail: bytes, size: int, suffix: str, name:
         (declared,) = struct.unpack_from("<I", head, 8)
         if declared <= size:
             return None
+        found, whole, unit = _in_one_unit(size, declared)
         return Sentence(
             "file-cut-off-of",
-            "{name} ends before its data does: {found} of {declared} bytes. Copy or export it again",
+            "{name} ends before its data does: {found} of {declared} {unit}. Copy or export it again",
             name=name,
-            found=size,
-            declared=declared,
+            found=found,
+            declared=whole,
+            unit=unit,
         )
     is_cut_off = (
         (head.startswith(b"PK\x03\x04") and suffix in _ZIPPED and b"PK\x05\x06" not in tail)
@@ -121,6 +123,18 @@ def _cut_off(path: Path, head: bytes, tail: bytes, size: int, suffix: str, name:
     return (
         Sentence("file-cut-off", "{name} ends before its data does. Copy or export it again", name=name) if is_cut_off else None
     )
+
+
+def _in_one_unit(found: int, declared: int) -> tuple[int, int, str]:
+    """Returns two sizes and their unit: the largest in which the second has two digits and differs from the first.
+
+    found, declared: in bytes, found < declared.
+    """
+    for unit, size in (("GB", 10**9), ("MB", 10**6), ("kB", 10**3)):
+        part, whole = round(found / size), round(declared / size)
+        if whole >= 10 and part < whole:
+            return part, whole, unit
+    return found, declared, "B"
 
 
 def _is_xml_cut_off(head: bytes, tail: bytes) -> bool:

@@ -16,9 +16,9 @@ FORGET_AFTER_S = 3600.0
 
 
 class Speeds:
-    """Samples per second of each worker's slots while they render, averaged per minute.
+    """Samples per second of each worker's slots, averaged per minute over the reports in which a slot renders; 0 without one.
 
-    The last value belongs to the current minute.
+    So a minute with short work has the worker's speed, not its load. The last value belongs to the current minute.
     """
 
     def __init__(self, now: float | None = None) -> None:
@@ -56,4 +56,7 @@ class Speeds:
 
 
 def _rounded_mean(speeds: list[float] | None) -> tuple[float, ...]:
-    return (float(round(sum(speeds) / len(speeds))),) if speeds else ()
+    if not speeds:
+        return ()
+    of_work = [speed for speed in speeds if speed > 0.0]
+    return (float(round(sum(of_work) / len(of_work))) if of_work else 0.0,)

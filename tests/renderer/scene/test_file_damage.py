@@ -36,7 +36,8 @@ CUT = " ends before its data does. Copy or export it again ("
 @pytest.mark.parametrize(
     ("name", "content", "begins"),
     [
-        ("a.glb", glb_of_declared_length(5000), " ends before its data does: 60 of 5000 bytes. Copy or export it again ("),
+        ("a.glb", glb_of_declared_length(5000), " ends before its data does: 60 of 5000 B. Copy or export it again ("),
+        ("a.glb", glb_of_declared_length(6_000_000), " ends before its data does: 0 of 6000 kB. Copy or export it again ("),
         ("a.glb", PNG, " is a PNG picture, not a .glb file. Choose the scene's own file ("),
         ("a.glb", b"<!DOCTYPE html><html></html>", " is a web page, not a .glb file"),
         ("a.fbx", glb_of_declared_length(60), " is a binary glTF file, not a .fbx file. Change the end of its name to .glb ("),

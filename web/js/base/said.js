@@ -37,6 +37,24 @@ export function saidOf(record, field) {
 }
 
 /**
+ * Returns a text of a record like `saidOf`, without the cause in brackets at its end, and that cause: such as a reader's error, which
+ * explains more to the author of a program than to its user.
+ *
+ * @param {any} record
+ * @param {string} field
+ * @returns {[text: string, cause: string]} cause: empty if the text has none
+ */
+export function saidApart(record, field) {
+  const whole = saidOf(record, field);
+  const params = record?.codes?.[field]?.params ?? {};
+  const cause = params.detail ?? params.error;
+  if (cause === undefined) return [whole, ""];
+  const text = insertedText(cause, ")", 0);
+  const end = [` (${text})`, `（${text}）`].find((each) => whole.endsWith(each));
+  return end ? [whole.slice(0, -end.length), text] : [whole, ""];
+}
+
+/**
  * Returns a list of texts of a record, translated like `saidOf`.
  *
  * @param {any} record
@@ -61,6 +79,6 @@ function translated({ code, params }, depth) {
 function insertedText(value, following, depth) {
   if (Array.isArray(value)) return value.map((each) => insertedText(each, ",", depth)).join(language === "zh" ? "、" : ", ");
   if (value === null || typeof value !== "object") return String(value);
-  const text = translated(value, depth + 1) ?? value.text;
+  const text = (language !== "en" && translated(value, depth + 1)) || value.text;
   return CLOSING.test(following) ? text.replace(STOP, "") : text;
 }

@@ -1,14 +1,14 @@
 /** The environment light: the scene's own, a colour, a preset, a clear sky with its sun, or an uploaded image. */
 
 import { hexOf, linearOf } from "../base/colour.js";
-import { fill, h, setText } from "../base/dom.js";
+import { h, setText } from "../base/dom.js";
 import { bytes } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { addEnvironment, dropEnvironment, environments, loadEnvironments } from "../news/environments.js";
 import { known } from "../news/settings-table.js";
 import { LIGHT_FILES, registerLightReceiver } from "../shell/light-drop.js";
 import { moreButton } from "../shell/more-button.js";
-import { Card, announce, showError } from "../shell/tray.js";
+import { announce, showError } from "../shell/tray.js";
 import { field, numberInput, numberOf, setShown } from "./fields.js";
 import { lightChoices } from "./light-choices.js";
 import { settingField } from "./setting-field.js";
@@ -164,7 +164,7 @@ export function environmentFields(first, isLightless) {
   }
   /** @param {File} file */
   async function add(file) {
-    const added = await sent(file);
+    const added = await sent(file, choices);
     if (!added) return;
     pick(added.id);
     announce(t("Lit by {name}", { name: added.name }));
@@ -282,22 +282,20 @@ function ask(take) {
   input.click();
 }
 
-/** Uploads an image, with a progress card in the tray. @param {File} file @returns {Promise<Environment | null>} */
-async function sent(file) {
-  const card = new Card(t("Adding {name}", { name: file.name }));
+/** Uploads an image, with its progress among the lights. @param {File} file @param {ReturnType<typeof lightChoices>} choices @returns {Promise<Environment | null>} */
+async function sent(file, choices) {
   const abort = new AbortController();
-  const line = h("p", { class: "detail number" }, t("Uploading {size}", { size: bytes(file.size) }));
-  fill(card.body, line);
-  fill(card.actions, h("button", { class: "text-button", type: "button", onclick: () => abort.abort() }, t("Cancel")));
+  const place = choices.await(file, () => abort.abort());
+  place.update(0, t("Uploading {size}", { size: bytes(file.size) }));
   try {
     return await addEnvironment(file, {
       signal: abort.signal,
-      progress: (done, all) => setText(line, done < all ? t("{done} of {all}", { done: bytes(done), all: bytes(all) }) : t("A worker checks it …")),
+      progress: (done, all) => (done < all ? place.update(done / all, t("{done} of {all}", { done: bytes(done), all: bytes(all) })) : place.update(null, t("A worker checks it …"))),
     });
   } catch (error) {
     if (!abort.signal.aborted) showError(t("{name} was not taken", { name: file.name }), error);
     return null;
   } finally {
-    card.remove();
+    place.remove();
   }
 }

@@ -280,7 +280,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const now = request();
     if (hand.noticeLight(now["environment"])) cover.relight();
     cover.compare(now);
-    surface.style.setProperty("--aspect", String((now.width ?? 1) / (now.height ?? 1)));
+    frame.style.setProperty("--aspect", String((now.width ?? 1) / (now.height ?? 1)));
     const { width, height } = sizeFor(now.width ?? 1, now.height ?? 1, wide, mostPixels);
     const wanted = { ...now, ...clear.request(), ...denoise.request(), width, height, alpha: true };
     const [text, sent] = [JSON.stringify(now), JSON.stringify(wanted)];

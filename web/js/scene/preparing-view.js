@@ -43,13 +43,14 @@ export function preparingView(scene, steps) {
       "aria-label": t("The view. Arrows turn it, Shift and arrows move it, plus and minus go nearer and farther; W, A, S, D, Q and E fly."),
     },
   );
-  surface.style.setProperty("--aspect", String(WIDTH / HEIGHT));
+  const frame = h("div", { class: "live-view-frame" }, surface);
+  frame.style.setProperty("--aspect", String(WIDTH / HEIGHT));
   const picture = examplePictures.get(scene.id);
   if (picture) {
     surface.style.backgroundImage = `url("${picture}")`;
     const image = h("img", { src: picture });
     // Its shape, which mostly is that of the scene's own pictures.
-    image.onload = () => isAsked || surface.style.setProperty("--aspect", String(image.naturalWidth / image.naturalHeight));
+    image.onload = () => isAsked || frame.style.setProperty("--aspect", String(image.naturalWidth / image.naturalHeight));
   }
   /** @type {View | null} */
   let view = null;
@@ -125,7 +126,7 @@ export function preparingView(scene, steps) {
     if (!preview || !first || !low || !high || isAsked) return;
     isAsked = true;
     on.setScene(latest);
-    surface.style.setProperty("--aspect", String((defaults["width"] ?? WIDTH) / (defaults["height"] ?? HEIGHT)));
+    frame.style.setProperty("--aspect", String((defaults["width"] ?? WIDTH) / (defaults["height"] ?? HEIGHT)));
     follow(first, /** @type {Vec3} */ (low), /** @type {Vec3} */ (high));
     meshOf(id).then(
       (packet) => {
@@ -137,8 +138,9 @@ export function preparingView(scene, steps) {
   };
   const waiting = blenderNotice();
   waiting.hidden = true;
+  frame.append(waiting, h("div", { class: "view-pills" }, doing, steps));
   return {
-    element: h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface, waiting, h("div", { class: "view-pills" }, doing, steps))),
+    element: h("div", { class: "live-view-box" }, frame),
     /** @param {Scene} next @param {string} step in words */
     update(next, step) {
       waiting.hidden = !waitsForBlender(next);

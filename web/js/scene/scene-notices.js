@@ -3,7 +3,7 @@
 import { MISSING_FILE, SEVERAL_SCENES, STRICT, WAITS_FOR_BLENDER, WITHOUT_LIGHT, hasCode } from "../base/codes.js";
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
-import { said, saidOf } from "../base/said.js";
+import { said, saidApart, saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 import { field } from "../forms/fields.js";
 import { choose } from "../shell/drops.js";
@@ -45,16 +45,18 @@ export function blenderNotice() {
 export function failure(scene, place, remove) {
   const add = addButton(scene, [scene.codes?.["error"]]);
   add?.classList.add("primary");
+  const [error, cause] = saidApart(scene, "error");
   // The error of a strict scene is a list of its warnings.
   const why = isRefused(scene)
     ? [t("It was uploaded as strict, so its warnings are errors. Uploaded here, it is taken with them."), warningList(scene, scene.warnings)]
-    : [saidOf(scene, "error")];
+    : [error];
   return [
     h(
       "div",
       { class: "failure", role: "alert" },
       h("h2", null, icon("warning"), t("This cannot be rendered")),
       h("p", null, ...why),
+      cause && !isRefused(scene) && h("details", { class: "failure-cause small" }, h("summary", null, t("Details")), h("p", null, cause)),
       place && h("p", { class: "failure-place" }, h("span", { class: "quiet" }, t("Place")), h("code", null, place)),
     ),
     h(
@@ -62,7 +64,7 @@ export function failure(scene, place, remove) {
       { class: "row wraps for-submit" },
       add,
       h("button", { class: `button ${add ? "" : "primary"}`, type: "button", onclick: () => choose({ folder: false }) }, icon("upload"), t("Upload it again")),
-      h("button", { class: "button", type: "button", onclick: () => choose({ folder: true }) }, icon("folder"), t("Upload a folder")),
+      add && h("button", { class: "button", type: "button", onclick: () => choose({ folder: true }) }, icon("folder"), t("Upload a folder")),
       h("button", { class: "button danger", type: "button", onclick: remove }, icon("trash"), t("Delete")),
     ),
     h("p", { class: "quiet small for-submit" }, t("or drop it anywhere on this page")),

@@ -62,7 +62,7 @@ export function machineTerms() {
       const { offer } = worker;
       fields.hidden = !offer;
       old.hidden = Boolean(offer);
-      const named = offer?.tags.filter((tag) => !/^(kind|host):/.test(tag)).map((tag) => (tag === "denoiser" ? `${tag} (${t("can denoise")})` : tag)) ?? [];
+      const named = offer?.tags.filter((tag) => !/^(kind|host):/.test(tag)) ?? [];
       tags.hidden = named.length === 0;
       setText(tags, named.length ? t("Tags: {tags}", { tags: named.join(", ") }) : "");
       setText(trouble, saidOf(offer, "trouble"));

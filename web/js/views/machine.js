@@ -87,7 +87,7 @@ export function machineCard() {
     setText(why, worker.state === "paused" ? `${saidOf(worker, "message")}${draining}` : "");
     const now = speedOf(worker);
     setText(speed, now ? t("{n} samples/s", { n: compact(now) }) : busy ? "–" : t("Idle"));
-    const most = Math.max(0, ...(worker.speeds ?? []));
+    const most = Math.max(now, ...(worker.speeds ?? []));
     setText(peak, most ? t("Last hour, up to {n}/s", { n: compact(most) }) : t("Last hour"));
     line.update(worker.speeds ?? []);
     const { memory_used: used, memory_total: total } = worker;
@@ -159,7 +159,7 @@ function slotTile() {
   image.addEventListener("load", () => (image.hidden = false));
   image.addEventListener("error", () => (image.hidden = true));
   const box = h("div", { class: "tile-box", hidden: true });
-  const rest = h("span", { class: "rest" }, t("Idle"));
+  const rest = h("span", { class: "rest" });
   const frame = h("div", { class: "frame" }, image, box, rest);
   const label = h("span", { class: "small" });
   const element = h("li", null, frame, label);
@@ -168,7 +168,9 @@ function slotTile() {
     element,
     update({ key, slot }) {
       const job = jobs.value?.find(({ id }) => id === slot.job);
-      rest.hidden = Object.keys(slot).length > 0;
+      const isIdle = Object.keys(slot).length === 0;
+      rest.hidden = !isIdle && !slot.view;
+      setText(rest, slot.view ? t("Live view") : t("Idle")); // whose picture is only in that view
       sayWhat(label, slot, job?.name, key);
       const isKnown = Boolean(job?.width && job.height);
       frame.style.aspectRatio = isKnown ? `${job?.width} / ${job?.height}` : "";
@@ -206,7 +208,7 @@ function sayWhat(label, slot, name, key) {
     ? [linkTo("jobs", slot.job), name ?? t("A picture")]
     : slot.scene
       ? [linkTo("scenes", slot.scene), t("Prepares a scene")]
-      : ["", slot.hidden ? t("Works for a project you cannot see") : slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.path_guide ? t("Path guide") : slot.view ? t("Live view") : t("Slot {number}", { number: Number(key) + 1 })];
+      : ["", slot.hidden ? t("Works for a project you cannot see") : slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.path_guide ? t("Path guide") : t("Slot {number}", { number: Number(key) + 1 })];
   const said = slot.compiling ? t("{text}, compiling", { text }) : text;
   if (label.title === `${href} ${said}`) return;
   label.title = `${href} ${said}`;

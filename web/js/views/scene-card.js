@@ -14,7 +14,7 @@ import { keepShownImage, shownImage } from "../news/shown-images.js";
 import { lightOf, variantOf } from "../base/scene-version.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { showError, undoable } from "../shell/tray.js";
-import { saidOf } from "../base/said.js";
+import { saidApart } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -98,7 +98,7 @@ export function refusedRow(scene) {
       latest = next;
       offer(element, next.project);
       setText(name, next.name);
-      setText(why, saidOf(next, "error"));
+      setText(why, saidApart(next, "error")[0]);
       remove.setAttribute("aria-label", t("Delete {name}", { name: next.name }));
     },
   };
@@ -141,12 +141,13 @@ export function thumbnail() {
   let shown = "";
   /** @param {string} url @param {string} instead shown if there is no picture at `url` */
   const show = (url, instead) => {
-    if (!url) return element.replaceChildren(icon("cube"));
+    if (!url) return;
     const known = shownImage(url);
     const image = known ?? h("img", { src: url, alt: "", loading: "lazy" });
-    /** Removes the picture before, which stays until the new one can be seen. */
+    /** Removes the pictures before it, which stay until the new one can be seen; a later one that still loads stays too. */
     const replace = () => {
-      for (const other of element.querySelectorAll("img")) if (other !== image) other.remove();
+      if (!image.isConnected) return;
+      while (image.previousElementSibling instanceof HTMLImageElement) image.previousElementSibling.remove();
       image.classList.add("loaded");
       markBlack(element, image);
       keepShownImage(url, image);
@@ -154,7 +155,7 @@ export function thumbnail() {
     element.append(image);
     if (known) return replace();
     image.addEventListener("load", () => image.decode().then(replace, replace), { once: true });
-    image.addEventListener("error", () => image.isConnected && (image.remove(), show(instead, "")), { once: true });
+    image.addEventListener("error", () => (image.remove(), url === shown && show(instead, "")), { once: true });
   };
   return {
     element,

@@ -124,16 +124,17 @@ function heading(scene) {
 function outline(scene, steps) {
   const { id, thumbnail, defaults } = scene;
   const surface = h("div", { class: "live-view" });
-  surface.style.setProperty("--aspect", String((defaults["width"] ?? 16) / (defaults["height"] ?? 9)));
   const isOwnView = !["view", "like", "light"].some((name) => here().params.has(name));
   const url = posterUrl(scene) || examplePictures.get(id) || (thumbnail ? thumbnailUrl(id) : "");
   if (url && isOwnView) surface.style.backgroundImage = `url("${url}")`;
   if (steps.isOpen) steps.render();
   const pills = h("div", { class: "view-pills" }, h("p", { class: "small view-state" }, PREPARING), steps.isOpen && steps.element);
+  const frame = h("div", { class: "live-view-frame" }, surface, pills);
+  frame.style.setProperty("--aspect", String((defaults["width"] ?? 16) / (defaults["height"] ?? 9)));
   return h(
     "div",
     { class: "workspace-columns" },
-    h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface, pills)))),
+    h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, h("div", { class: "live-view-box" }, frame))),
     h("div", { class: "workspace-side" }),
   );
 }

@@ -15,9 +15,12 @@ def test_speeds_are_averaged_per_minute() -> None:
     speeds = Speeds(0.0)
     speeds.add_reports([report("a", 2, 100.0)], 1.0)
     speeds.add_reports([report("a", 0, 100.0)], 30.0)
-    assert speeds.speeds_by_worker == {"a": (100.0,)}
+    speeds.add_reports([report("a", 1, 100.0)], 40.0)
+    assert speeds.speeds_by_worker == {"a": (150.0,)}, "reports without work do not count"
     speeds.add_reports([report("a", 3, 100.0), report("b", 1, 7.0)], 61.0)
-    assert speeds.speeds_by_worker == {"a": (100.0, 300.0), "b": (7.0,)}
+    assert speeds.speeds_by_worker == {"a": (150.0, 300.0), "b": (7.0,)}
+    speeds.add_reports([report("a", 0, 100.0)], 121.0)
+    assert speeds.speeds_by_worker["a"] == (150.0, 300.0, 0.0)
 
 
 def test_speeds_cover_last_hour() -> None:
