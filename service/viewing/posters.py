@@ -8,6 +8,7 @@ refers, so it is deleted with the scene; a better one replaces it.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import logging
 import math
@@ -49,6 +50,7 @@ CURVE = "neutral"  # the page's default
 POLL_S = 0.5
 IDLE_S = 3.0  # without jobs, preparations and views, until posters are rendered
 MAX_RENDER_S = 180.0  # the first one may compile a kernel
+MAX_TAKEN = 8  # pictures of closed views that wait to be stored; further ones are dropped
 RECENT = 24  # scenes that get posters without having been opened: as many as the front page shows at first
 ACTIVE = {"queued", "running"}
 
@@ -76,8 +78,9 @@ class Posters:
         self._views = views
         self._board = board
         self._events = events
-        self._taken: queue.SimpleQueue[SettledPicture | None] = queue.SimpleQueue()
-        self._given: dict[str, float] = {}  # by session: samples per pixel of its latest picture that was stored or rejected
+        self._taken: queue.Queue[SettledPicture | None] = queue.Queue(MAX_TAKEN)
+        # By session and number of its view: samples per pixel of the latest picture that was stored or rejected.
+        self._given: dict[tuple[str, int], float] = {}
         self._tried: set[str] = set()  # scenes whose posters were rendered, or cannot be
         self._renders = renders
         self._may_lack = True  # whether scenes may lack posters
@@ -94,16 +97,22 @@ class Posters:
     def stop(self) -> None:
         """Stops the thread, after the poster that it is storing."""
         self._stopping.set()
-        self._taken.put(None)
+        with contextlib.suppress(queue.Full):
+            self._taken.put_nowait(None)
         if self._thread.is_alive():
             self._thread.join(5)
 
     def take(self, session: ViewSession) -> None:
-        """Takes the picture of a session that is about to be closed, if that is better than the scene's poster."""
-        if session.request is not None and session.request.is_home:
-            picture = session.settled_picture(MIN_NOISY, MIN_DENOISED)
-            if picture is not None:
-                self._taken.put(picture)
+        """Queues the picture of a session that is about to be closed, unless it was stored or rejected while the view was open.
+
+        Drops it if MAX_TAKEN pictures are queued.
+        """
+        if session.mean_samples <= self._given.get((session.id, session.view), 0.0):
+            return
+        picture = session.settled_picture(MIN_NOISY, MIN_DENOISED)
+        if picture is not None:
+            with contextlib.suppress(queue.Full):
+                self._taken.put_nowait(picture)
 
     def _scene_changed(self, event: RowWritten | ItemChanged) -> None:
         self._may_lack = self._may_lack or event.kind == "scene"
@@ -127,19 +136,18 @@ class Posters:
 
     def _take_from_views(self) -> None:
         """Stores the pictures of home views that are open and have become clearer."""
-        open_ids = set()
+        views = set()
         for session in self._views.sessions():
-            open_ids.add(session.id)
-            if session.request is None or not session.request.is_home:
-                continue
-            samples, given = session.mean_samples, self._given.get(session.id, 0.0)
+            view = session.id, session.view
+            views.add(view)
+            samples, given = session.mean_samples, self._given.get(view, 0.0)
             if samples <= given or (samples < max(MIN_DENOISED, GROWTH * given) and not session.is_done):
                 continue
             picture = session.settled_picture(MIN_NOISY, MIN_DENOISED)
             if picture is not None and picture.samples > given:
-                self._given[session.id] = picture.samples
+                self._given[view] = picture.samples
                 self.store(picture)
-        self._given = {id: samples for id, samples in self._given.items() if id in open_ids}
+        self._given = {view: samples for view, samples in self._given.items() if view in views}
 
     def store(self, picture: SettledPicture) -> bool:
         """Makes a picture its scene's poster if it is better than the present one. Returns whether it was. Raises FarmError."""
@@ -173,7 +181,7 @@ class Posters:
             nonlocal is_put
             scene = session.get(Scene, id, with_for_update=True)
             if scene is None or scene.info is None or not is_better(made, before := _poster(scene)):
-                return set()
+                return {made["sha256"]}  # the blob is deleted again, unless it has another use
             scene.info = {**scene.info, "poster": made}
             is_put = True
             return {before["sha256"]} - {made["sha256"]} if before else set()
@@ -187,7 +195,7 @@ class Posters:
         has_work = bool(board.preparing) or board.batches_out > 0 or any(each.state in ACTIVE for each in board.jobs.values())
         ready = [report for report in board.roster.ready_reports() if report.views]
         others = [each for each in self._views.sessions() if each is not own and not each.is_paused]
-        is_viewed = any(each.request is None or not each.is_done for each in others)
+        is_viewed = any(each.error is None and not each.is_done for each in others)
         return board.fault is None and not has_work and not is_viewed and bool(ready)
 
     def _render_missing(self) -> None:
@@ -275,8 +283,6 @@ def _poster(scene: Scene) -> dict[str, Any] | None:
 
 
 def _lacks_poster(scene: Scene) -> bool:
-    """Returns True if a scene has no poster of SAMPLES samples and MIN_PIXELS."""
+    """Returns True if one of SAMPLES samples and HOME_PIXELS pixels, denoised if the present one is, would replace a scene's poster."""
     found = _poster(scene)
-    if found is None:
-        return True
-    return found["samples"] < SAMPLES or found["width"] * found["height"] < 0.9 * min(MIN_PIXELS, HOME_PIXELS)
+    return is_better({"width": HOME_PIXELS, "height": 1, "samples": SAMPLES, "denoised": found is None or found["denoised"]}, found)

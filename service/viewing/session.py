@@ -38,7 +38,7 @@ MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
 
 
 class SettledPicture(NamedTuple):
-    """A picture of a view that a page may show later. scene: id of the uploaded scene. color: (h, w, 3), linear."""
+    """A picture of a scene's home view that a page may show later. scene: id of the uploaded scene. color: (h, w, 3), linear."""
 
     scene: str
     color: npt.NDArray[np.float32]
@@ -270,13 +270,15 @@ class ViewSession:
         return denoised is not None and denoised.has_shown
 
     def settled_picture(self, min_samples: float, min_denoised: float) -> SettledPicture | None:
-        """Returns the latest picture of the whole view if it has so many samples per pixel; otherwise None.
+        """Returns the latest whole picture of a home view if it has enough samples per pixel; otherwise None.
 
-        min_samples: unless it is denoised, or complete. min_denoised: if it is denoised. A view that is denoised has no others,
-        and one with a transparent background has none.
+        min_samples: of a picture that is neither denoised nor complete. min_denoised: of a denoised picture. If the view is
+        denoised, only its denoised pictures are returned; of a transparent background or another view, none are.
         """
         with self._lock:
-            if self.request is None or not self._canvases or self.settings is None or self.settings.is_transparent:
+            if self.request is None or not self.request.is_home:
+                return None
+            if not self._canvases or self.settings is None or self.settings.is_transparent:
                 return None
             if self._denoised is not None:
                 kept = self._denoised.kept

@@ -180,3 +180,8 @@ def test_settled_picture_of_view_without_denoiser_has_enough_samples(session: Vi
     assert found is not None and (found.samples, found.is_denoised) == (16.0, False)
     show(session, 2, background="transparent")
     assert session.settled_picture(0, 0) is None, "JPEG has no alpha"
+    show(session, 3)
+    add_samples(session, 0, 16)
+    assert session.settled_picture(16, 1) is not None and session.request is not None
+    session.request.is_home = False
+    assert session.settled_picture(16, 1) is None, "it is of another view"
