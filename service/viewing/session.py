@@ -200,9 +200,9 @@ class ViewSession:
         return self._denoised is not None and any(map(_has_guides, pieces))
 
     def begin_denoising(self) -> tuple[int, int, bool] | None:
-        """Takes the picture to denoise if one is due, which `means_to_denoise` has then.
+        """Sets `means_to_denoise` if a picture is to be denoised now. Returns its size, and whether its guides are clean.
 
-        Returns its width and height, and whether its guides are free of noise.
+        Returns None if no picture is due. Clean guides have GUIDE_SAMPLES samples per pixel.
         """
         with self._lock:
             if self._denoised is None or not self._canvases:
@@ -348,7 +348,7 @@ class ViewSession:
         return self._denoised is not None and self._denoised.has_picture
 
     def take_draft(self, seq: int) -> bytes | None:
-        """Returns the latest draft as a packet with sequence number `seq`; None if it was taken, or there is none."""
+        """Removes the latest draft, and returns it as a packet with sequence number `seq`; None if there is none."""
         try:
             head, jpeg = self._draft.popleft()
         except IndexError:

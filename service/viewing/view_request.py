@@ -164,9 +164,9 @@ def _frame(view: ViewRequest) -> FrameRequest | None:
 
 
 def move_view(request: ViewRequest, id: int, view: dict[str, Any]) -> ViewRequest:
-    """Returns what `resolve_view` returns if only the camera has changed since `request`, in a tenth of the time. Raises Invalid.
+    """Returns a request with another camera, as `resolve_view` would, in a tenth of its time. Raises Invalid.
 
-    id: the number that the page has chosen. view: the new camera as JSON; that of `request` was given by its `view`, too.
+    request: its camera was given by `view`, not by a name. id: number that the page has chosen. view: the new camera as JSON.
     """
     camera = View.from_json({name: value for name, value in view.items() if value is not None})
     try:
