@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,7 +19,7 @@ from service.store.models import Scene
 from service.viewing.posters import MAX_TAKEN, MIN_PIXELS, Posters, _lacks_poster, encode_poster, is_better
 from service.viewing.session import SettledPicture
 from service.viewing.view_request import HOME_PIXELS, home_view, resolve_view, shows_home
-from tests.service.conftest import Service, until
+from tests.service.conftest import OBJ, Service, until
 from tests.service.viewer import look
 
 FLAT = np.full((54, 96, 3), 0.5, np.float32)
@@ -181,9 +182,19 @@ def test_idle_farm_renders_missing_posters_and_stops_for_others(service: Service
     monkeypatch.setattr("service.viewing.posters.IDLE_S", 0.0)
     service.options["idle_posters"] = True
     service.restart()
-    with service.worker():
+    views = service.farm.views
+    with service.worker() as worker:
         scene = service.ready_scene()
         until(lambda: service.scene(scene)["poster"] is not None, "the scene has a poster")
         info = find_scene(scene, service.farm).info or {}
         assert info["poster"]["width"] * info["poster"]["height"] >= MIN_PIXELS and info["poster"]["samples"] == 16
-        until(lambda: not service.farm.views.sessions(), "the view without a page is closed")
+        until(lambda: not views.sessions(), "the view without a page is closed")
+        worker.on_part = lambda work, part: time.sleep(0.5)
+        other = service.upload(OBJ + b"# another\n")
+        until(lambda: bool(views.sessions()), "its poster is being rendered")
+        job = service.submit(other, priority=-100)
+        until(lambda: not views.sessions(), "the view without a page makes room for the job")
+        assert service.scene(other)["poster"] is None
+        worker.on_part = lambda work, part: None
+        service.wait_for(job, "finished")
+        until(lambda: service.scene(other)["poster"] is not None, "it is rendered after the job")
