@@ -42,6 +42,7 @@ _CONTENTS: tuple[tuple[re.Pattern[bytes], Sentence, tuple[str, ...], bool], ...]
 _PICTURES = (".png", ".jpg", ".webp", ".exr", ".hdr", ".gif", ".tif", ".avif", ".psd")
 _KINDS = {".jpg": "JPEG", ".tif": "TIFF", ".webp": "WebP"}
 _ENDS_EARLY = {"ufbx-truncated-file", "ufbx-vertices-truncated", "data-ends-early"}
+_COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)", re.DOTALL)
 _ROOT = re.compile(rb"<([A-Za-z_][\w:.-]*)[\s>/]")
 
 
@@ -124,7 +125,7 @@ def _cut_off(path: Path, head: bytes, tail: bytes, size: int, suffix: str, name:
 
 
 def _is_xml_cut_off(head: bytes, tail: bytes) -> bool:
-    root = _ROOT.search(head)
+    root = _ROOT.search(_COMMENT.sub(b"", head))
     return root is not None and b"</%b" % root[1] not in tail and not tail.rstrip().endswith(b"/>")
 
 
