@@ -23,7 +23,7 @@ __all__ = ["MAX_PIXELS", "MAX_SAMPLES", "FrameRequest", "ViewRequest", "home_vie
 
 MAX_PIXELS = 1 << 21  # the sums of a view are held in memory
 MAX_SAMPLES = 256
-MAX_SIDE = int(SETTINGS["width"].setting.high or 0)  # of a picture, in pixels
+MAX_SIDE = int(SETTINGS["width"].setting.high or 0)  # longest side of a picture in pixels, also of a slender home view
 HOME_PIXELS = 1280 * 720
 MAX_ASPECT_ERROR = 0.01  # relative: sizes are whole pixels
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
@@ -123,8 +123,7 @@ def resolve_view(
 def home_view(scene: Scene, samples: int = MAX_SAMPLES) -> ViewRequest:
     """Returns the view that a page opens a ready scene with, of about HOME_PIXELS pixels and denoised.
 
-    It has fewer pixels if a side would be longer than a picture's may be. It has the scene's first camera, its own light, and the
-    settings of its file. Raises Conflict and Invalid.
+    It has the scene's first camera, its own light, and the settings of its file. Raises Conflict and Invalid.
     """
     defaults: dict[str, Any] = (scene.info or {}).get("defaults") or {}
     width, height = (int(defaults.get(name) or usual) for name, usual in zip(("width", "height"), DEFAULT_SIZE, strict=True))
