@@ -57,9 +57,9 @@ def denoise(color: F32, albedo: F32, normal: F32, threads: int | None = None) ->
 def denoise_fast(color: F32, albedo: F32, normal: F32, threads: int | None = None, *, has_clean_guides: bool = False) -> F32:
     """Returns a denoised image in a sixth of the time of `denoise`: the guides are not denoised first, so edges are less sharp.
 
-    has_clean_guides: takes the guides as free of noise, as those of 16 samples per pixel nearly are: then it is as smooth
-    as `denoise`, in a third of its time. Guides of fewer samples fray the edges. threads: None for all cores. Raises
-    SettingsError if Open Image Denoise is not installed or fails.
+    has_clean_guides: whether to treat the guides as free of noise, as those of 16 samples per pixel nearly are. The image is then
+    as smooth as that of `denoise`, in a third of its time; guides of fewer samples fray the edges. threads: None for all cores.
+    Raises SettingsError if Open Image Denoise is not installed or fails.
     """
     return _denoise(color, albedo, normal, threads or 0, guides_first=False, has_clean_guides=has_clean_guides).color
 

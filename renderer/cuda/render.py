@@ -59,7 +59,7 @@ class CardRenderer:
     """Renders batches on a graphics card; keeps the loaded kernels, and the arrays of the last scene, in its memory.
 
     Used by one thread at a time; must be closed. seconds: for measurements: each launch is waited for, and its time is added
-    to its kernel's. most_paths: for measurements: of a batch under way at once.
+    to its kernel's. most_paths: for measurements: largest number of paths of a batch that are under way at once.
     """
 
     def __init__(

@@ -17,9 +17,9 @@ _UNCHECKED = 4  # turns from one look at the number of active paths to the next,
 
 
 def paths_for(samples: int, memory: int, size: int, most: int | None = None) -> int:
-    """Returns how many paths a batch of that many samples has under way, and one, which is the spare row's.
+    """Returns the number of paths of a batch that are under way at once, plus one for the spare row.
 
-    memory: of the card. size: bytes for a path. most: the most paths, for measurements.
+    samples: of the batch. memory: of the card, in bytes. size: bytes per path. most: limit for measurements; None: the usual one.
     """
     paths = min(most or _MOST_PATHS, samples, memory // _SHARE // size)
     return -(-(paths + 1) // _WARP) * _WARP

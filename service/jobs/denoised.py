@@ -69,7 +69,7 @@ async def denoised_artifact(
 async def denoised_lights_artifact(job: Job, n: float, film: Film, farm: Farm) -> ArtifactResult:
     """Returns the denoised light of a frame's light groups (DenoiseFrame.lights) once a worker has made it.
 
-    Raises FarmError, of type Invalid for a picture that is too large.
+    Raises FarmError; Invalid if that has more than MAX_LIGHTS_BYTES bytes.
     """
     lights = group_names((job.settings or {}).get("light_groups", ""))
     if 12 * film.width * film.height * len(lights) > MAX_LIGHTS_BYTES:

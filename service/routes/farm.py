@@ -112,15 +112,17 @@ def get_means(
 ) -> FileResponse:
     """Returns the mean colour, albedo and normal of a frame for a denoiser; layout: protocol.contract.DenoiseFrame.
 
-    frame: twice the frame number. ids: whether the object and material planes follow.
+    frame: twice the frame number. ids: whether the object and material planes follow. lights: names of light groups, separated by
+    commas, whose light comes in place of the colour.
     """
     found = find_job(job, farm)
     film = farm.film(found)
     if film is None or not farm.records.has_frame(job, frame):
         raise NotFound(Sentence("job-picture-not-available", "The job does not have this picture yet."))
-    colors = [aovs.LIGHT + group for group in lights.split(",")] if lights else ["color"]
-    if lights and not {*lights.split(",")} <= {*film.groups}:
+    groups = lights.split(",") if lights else []
+    if not {*groups} <= {*film.groups}:
         raise NotFound(Sentence("film-light-groups-missing", "The job does not have these light groups."))
+    colors = [aovs.LIGHT + group for group in groups] or ["color"]
     version, samples = film.version(frame), film.samples(frame)
     handle, name = tempfile.mkstemp(dir=farm.settings.data / "tmp", prefix="means-")
     try:

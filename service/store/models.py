@@ -121,7 +121,7 @@ class Scene(Base):
 
     @property
     def blobs(self) -> set[str]:
-        """The hashes of the blobs that the scene refers to: files, Blender's export, compiled forms and pictures.
+        """The hashes of the blobs that the scene refers to: files, Blender's export, compiled forms, preview and pictures.
 
         Skips malformed references, so that a damaged row, or one of another release, does not block the deletion of others.
         """

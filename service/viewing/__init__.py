@@ -1,1 +1,1 @@
-"""Live views: interactive pictures of scenes, rendered by workers without a job, of which one picture a scene is kept."""
+"""Live views: interactive pictures of scenes, rendered by workers without a job. One picture of each scene is stored."""

@@ -3,10 +3,10 @@
 A piece is a range of samples of one tile. The first picture is as large as the farm can render in FIRST_PICTURE_S seconds at
 the measured cost of a sample. If the whole view takes much longer, a picture of medium size follows. The whole view is then
 rendered with 1, 2, 4, 8 ... samples per pixel. All samples of a piece are in one half (renderer.film.in_half), so that the
-noise can be estimated from the sums of the halves. A view that is denoised gets the first hits of further samples after
-GUIDES_AFTER samples, which cost less than a third of whole paths: the denoiser's guides are then smooth before its colour is.
- A piece takes about PIECE_TARGET_S seconds, so that slots soon become free
-for a new view. A message to a worker has several pieces, so that its round trip is short compared with its rendering.
+noise can be estimated from the sums of the halves. After GUIDES_AFTER samples of a denoised view, the first hits alone of
+further samples are rendered, which cost less than a third of whole paths: the denoiser's guides are then smooth before the
+colour is. A piece takes about PIECE_TARGET_S seconds, so that slots soon become free for a new view. A message to a worker has
+several pieces, so that its round trip is short compared with its rendering.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ DRAFT_S = 0.02  # in which a card renders a draft
 DRAFT_SAMPLES = 4
 DRAFT_STEPS = 8  # sizes of drafts are multiples of the view's size divided by this, so that they seldom change
 GUIDE_SAMPLES = CLEAN_GUIDE_SAMPLES  # samples per pixel whose albedo and normal guide the denoiser
-GUIDES_AFTER = 4  # samples per pixel before the first hits alone of the others are rendered
-GUIDE_COST = 0.3  # of a sample's first hit, in samples; 0.3 to 0.35 measured
+GUIDES_AFTER = 4  # samples per pixel that are rendered before the first hits of further ones
+GUIDE_COST = 0.3  # cost of a first hit, relative to a whole sample; 0.3 to 0.35 measured
 MAX_LEVEL_RATIO = 8.0  # largest ratio of pixels between two levels
 
 
@@ -185,7 +185,7 @@ class Passes:
                         for at in range(begin, end, at_once):
                             yield Piece(number, tile, at, min(at_once, end - at))
                 first += count
-                if self._has_guides and first == GUIDES_AFTER and number == len(self.levels) - 1:
+                if self._has_guides and first == GUIDES_AFTER < level.samples and number == len(self.levels) - 1:
                     yield from self._guide_pieces(number)
 
     def _guide_pieces(self, number: int) -> Iterator[Piece]:

@@ -1,13 +1,14 @@
-"""Posters: of each scene one sharp picture of the view that a page opens it with, shown until that view has samples.
+"""Posters: one sharp picture of each scene, of the view with which its page opens, shown until that view has samples.
 
 The picture of a live view that shows a scene's home view (`view_request.home_view`) becomes the poster when it has enough
-samples, again when it has many times as many, and when the view is closed. While the farm has nothing else to do, the home views
-of the latest scenes without a poster are rendered as live views without a page. A poster is a JPEG blob to which the scene's row
-refers, so it is deleted with the scene; a better one replaces it.
+samples, again when it has GROWTH times as many, and when the view is closed. An idle farm renders the home views of the latest
+scenes without a poster, as live views without a page. A poster is a JPEG blob to which the scene's row refers, so it is deleted
+with the scene; a better one replaces it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import io
 import logging
 import math
@@ -37,26 +38,27 @@ from service.viewing.view_scheduler import ViewScheduler
 
 __all__ = ["MAX_BYTES", "Posters", "encode_poster", "is_better"]
 
-MIN_DENOISED, MIN_NOISY = 2.0, 16.0  # samples per pixel of a picture that becomes a poster
-GROWTH = 4.0  # a poster is replaced by one with so many times the samples: less is hardly visible
-NOISY_WORTH = 1 / 16  # samples of a picture that is not denoised count so much
-MIN_PIXELS = 960 * 540  # with fewer, a poster is rendered again
+MIN_DENOISED, MIN_NOISY = 2.0, 16.0  # samples per pixel from which a picture becomes a poster, denoised and not
+GROWTH = 4.0  # ratio of samples from which a picture replaces a poster; a smaller one is hardly visible
+NOISY_WORTH = 1 / 16  # worth of a sample of a picture that is not denoised, relative to one of a denoised picture
+MIN_PIXELS = 960 * 540  # a poster with fewer is replaced by a larger one
 SAMPLES = 16  # per pixel of a poster that is rendered without a page
 MAX_BYTES, MAX_PIXELS = 1 << 19, 1 << 20
 QUALITIES = (95, 85, 70, 40)  # of JPEGs, until one has at most MAX_BYTES
 FULL_CHROMA = 90  # quality from which chroma is not subsampled
 CURVE = "neutral"  # the page's default
 POLL_S = 0.5
-IDLE_S = 3.0  # without jobs, preparations and views, until posters are rendered
-MAX_RENDER_S = 180.0  # the first one may compile a kernel
-RECENT = 24  # scenes that get posters without having been opened: as many as the front page shows at first
+IDLE_S = 3.0  # time without jobs, preparations and views after which posters are rendered
+MAX_RENDER_S = 180.0  # limit for one poster; the first may compile a kernel
+MAX_TAKEN = 8  # pictures of closed views that wait to be stored; further ones are dropped
+RECENT = 24  # latest scenes whose posters an idle farm renders: as many as the front page shows at first
 ACTIVE = {"queued", "running"}
 
 log = logging.getLogger(__name__)
 
 
 class Posters:
-    """Keeps the scenes' posters, from `start` to `stop`. `take` is thread-safe."""
+    """Stores and replaces the scenes' posters, from `start` to `stop`. `take` is thread-safe."""
 
     def __init__(
         self,
@@ -76,8 +78,9 @@ class Posters:
         self._views = views
         self._board = board
         self._events = events
-        self._taken: queue.SimpleQueue[SettledPicture | None] = queue.SimpleQueue()
-        self._given: dict[str, float] = {}  # by session: samples per pixel of its latest picture that was stored or rejected
+        self._taken: queue.Queue[SettledPicture | None] = queue.Queue(MAX_TAKEN)
+        # By session and number of its view: samples per pixel of the latest picture that was stored or rejected.
+        self._given: dict[tuple[str, int], float] = {}
         self._tried: set[str] = set()  # scenes whose posters were rendered, or cannot be
         self._renders = renders
         self._may_lack = True  # whether scenes may lack posters
@@ -94,16 +97,22 @@ class Posters:
     def stop(self) -> None:
         """Stops the thread, after the poster that it is storing."""
         self._stopping.set()
-        self._taken.put(None)
+        with contextlib.suppress(queue.Full):
+            self._taken.put_nowait(None)
         if self._thread.is_alive():
             self._thread.join(5)
 
     def take(self, session: ViewSession) -> None:
-        """Takes the picture of a session that is about to be closed, if that is better than the scene's poster."""
-        if session.request is not None and session.request.is_home:
-            picture = session.settled_picture(MIN_NOISY, MIN_DENOISED)
-            if picture is not None:
-                self._taken.put(picture)
+        """Queues the picture of a session that is about to be closed, unless it was stored or rejected while the view was open.
+
+        Drops it if MAX_TAKEN pictures are queued.
+        """
+        if session.mean_samples <= self._given.get((session.id, session.view), 0.0):
+            return
+        picture = session.settled_picture(MIN_NOISY, MIN_DENOISED)
+        if picture is not None:
+            with contextlib.suppress(queue.Full):
+                self._taken.put_nowait(picture)
 
     def _scene_changed(self, event: RowWritten | ItemChanged) -> None:
         self._may_lack = self._may_lack or event.kind == "scene"
@@ -127,22 +136,21 @@ class Posters:
 
     def _take_from_views(self) -> None:
         """Stores the pictures of home views that are open and have become clearer."""
-        open_ids = set()
+        views = set()
         for session in self._views.sessions():
-            open_ids.add(session.id)
-            if session.request is None or not session.request.is_home:
-                continue
-            samples, given = session.mean_samples, self._given.get(session.id, 0.0)
+            view = session.id, session.view
+            views.add(view)
+            samples, given = session.mean_samples, self._given.get(view, 0.0)
             if samples <= given or (samples < max(MIN_DENOISED, GROWTH * given) and not session.is_done):
                 continue
             picture = session.settled_picture(MIN_NOISY, MIN_DENOISED)
             if picture is not None and picture.samples > given:
-                self._given[session.id] = picture.samples
+                self._given[view] = picture.samples
                 self.store(picture)
-        self._given = {id: samples for id, samples in self._given.items() if id in open_ids}
+        self._given = {view: samples for view, samples in self._given.items() if view in views}
 
     def store(self, picture: SettledPicture) -> bool:
-        """Makes a picture its scene's poster if it is better than the present one. Returns whether it was. Raises FarmError."""
+        """Stores a picture as its scene's poster if it is better than the present one. Returns True if so. Raises FarmError."""
         height, width = picture.color.shape[:2]
         made = {"width": width, "height": height, "samples": round(picture.samples, 1), "denoised": picture.is_denoised}
         with self._sessions() as session:
@@ -163,9 +171,9 @@ class Posters:
         return was_put
 
     def _record(self, id: str, made: dict[str, Any]) -> bool:
-        """Writes a poster into the scene's row, and deletes the one before it.
+        """Writes a poster into the scene's row, and deletes the previous one.
 
-        Returns False if the scene is gone, or has as good a poster meanwhile.
+        Returns False, and deletes the new blob, if the scene is gone or has a poster that is as good by now.
         """
         is_put = False
 
@@ -173,7 +181,7 @@ class Posters:
             nonlocal is_put
             scene = session.get(Scene, id, with_for_update=True)
             if scene is None or scene.info is None or not is_better(made, before := _poster(scene)):
-                return set()
+                return {made["sha256"]}  # the blob is deleted again, unless it has another use
             scene.info = {**scene.info, "poster": made}
             is_put = True
             return {before["sha256"]} - {made["sha256"]} if before else set()
@@ -182,16 +190,16 @@ class Posters:
         return is_put
 
     def _is_idle(self, own: ViewSession | None = None) -> bool:
-        """Returns True if workers are ready and nothing needs them but the view `own`, if it is given."""
+        """Returns True if workers are ready and have no work other than the view `own`."""
         board = self._board.latest
         has_work = bool(board.preparing) or board.batches_out > 0 or any(each.state in ACTIVE for each in board.jobs.values())
         ready = [report for report in board.roster.ready_reports() if report.views]
         others = [each for each in self._views.sessions() if each is not own and not each.is_paused]
-        is_viewed = any(each.request is None or not each.is_done for each in others)
+        is_viewed = any(each.error is None and not each.is_done for each in others)
         return board.fault is None and not has_work and not is_viewed and bool(ready)
 
     def _render_missing(self) -> None:
-        """Renders the poster of one scene that lacks it, once the farm has been idle for IDLE_S."""
+        """Renders one missing poster, once the farm has been idle for IDLE_S seconds."""
         if not self._is_idle():
             self._busy_at = time.monotonic()
         if not self._renders or not self._may_lack or time.monotonic() - self._busy_at < IDLE_S:
@@ -205,7 +213,7 @@ class Posters:
             self._render(scene)
 
     def _render(self, scene: Scene) -> None:
-        """Renders a scene's home view, unless something else needs the workers meanwhile."""
+        """Renders and stores a scene's poster; stops if other work needs the workers."""
         try:
             request = home_view(scene, SAMPLES)
         except FarmError:
@@ -249,9 +257,9 @@ def is_better(made: dict[str, Any], present: dict[str, Any] | None) -> bool:
 
 
 def encode_poster(color: npt.NDArray[np.float32]) -> bytes:
-    """Returns a JPEG of a linear picture, (h, w, 3), as a live view shows it at first, of at most about MAX_BYTES and MAX_PIXELS.
+    """Returns a JPEG of a linear picture, (h, w, 3), with the exposure and tone curve of a live view that is opened.
 
-    A picture that looks black is exposed by what it shows, as a live view is.
+    It has at most about MAX_BYTES bytes and MAX_PIXELS pixels. A picture that looks black is exposed automatically, as there.
     """
     dark = darkness(color)
     pixels = tonemap.apply(color, dark.exposure if dark else 0.0, CURVE)
@@ -275,8 +283,10 @@ def _poster(scene: Scene) -> dict[str, Any] | None:
 
 
 def _lacks_poster(scene: Scene) -> bool:
-    """Returns True if a scene has no poster of SAMPLES samples and MIN_PIXELS."""
+    """Returns True if a poster of SAMPLES samples and HOME_PIXELS pixels would replace that of a scene.
+
+    The new one is taken to be denoised if the present one is.
+    """
     found = _poster(scene)
-    if found is None:
-        return True
-    return found["samples"] < SAMPLES or found["width"] * found["height"] < 0.9 * min(MIN_PIXELS, HOME_PIXELS)
+    made = {"width": HOME_PIXELS, "height": 1, "samples": SAMPLES, "denoised": found is None or found["denoised"]}
+    return is_better(made, found)

@@ -38,7 +38,7 @@ MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
 
 
 class SettledPicture(NamedTuple):
-    """A picture of a view that a page may show later. scene: id of the uploaded scene. color: (h, w, 3), linear."""
+    """A picture of a scene's home view that a page may show later. scene: id of the uploaded scene. color: (h, w, 3), linear."""
 
     scene: str
     color: npt.NDArray[np.float32]
@@ -200,9 +200,9 @@ class ViewSession:
         return self._denoised is not None and any(map(_has_guides, pieces))
 
     def begin_denoising(self) -> tuple[int, int, bool] | None:
-        """Takes the picture to denoise if one is due, which `means_to_denoise` has then.
+        """Sets `means_to_denoise` if a picture is to be denoised now. Returns its size, and whether its guides are clean.
 
-        Returns its width and height, and whether its guides are free of noise.
+        Returns None if no picture is due. Clean guides have GUIDE_SAMPLES samples per pixel.
         """
         with self._lock:
             if self._denoised is None or not self._canvases:
@@ -270,13 +270,15 @@ class ViewSession:
         return denoised is not None and denoised.has_shown
 
     def settled_picture(self, min_samples: float, min_denoised: float) -> SettledPicture | None:
-        """Returns the latest picture of the whole view if it has so many samples per pixel; otherwise None.
+        """Returns the latest whole picture of a home view if it has enough samples per pixel; otherwise None.
 
-        min_samples: unless it is denoised, or complete. min_denoised: if it is denoised. A view that is denoised has no others,
-        and one with a transparent background has none.
+        min_samples: of a picture that is neither denoised nor complete. min_denoised: of a denoised picture. If the view is
+        denoised, only its denoised pictures are returned; of a transparent background or another view, none are.
         """
         with self._lock:
-            if self.request is None or not self._canvases or self.settings is None or self.settings.is_transparent:
+            if self.request is None or not self.request.is_home:
+                return None
+            if not self._canvases or self.settings is None or self.settings.is_transparent:
                 return None
             if self._denoised is not None:
                 kept = self._denoised.kept
@@ -346,7 +348,7 @@ class ViewSession:
         return self._denoised is not None and self._denoised.has_picture
 
     def take_draft(self, seq: int) -> bytes | None:
-        """Returns the latest draft as a packet with sequence number `seq`; None if it was taken, or there is none."""
+        """Removes the latest draft, and returns it as a packet with sequence number `seq`; None if there is none."""
         try:
             head, jpeg = self._draft.popleft()
         except IndexError:

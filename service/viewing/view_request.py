@@ -11,7 +11,7 @@ from protocol.contract import FrameInfo, PrepareFrames
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
 from renderer.sentences import Sentence, with_full_stop
-from renderer.settings import OPTIONAL, RenderSettings, View
+from renderer.settings import OPTIONAL, SETTINGS, RenderSettings, View
 from renderer.work import DEFAULT_SIZE
 from service.errors import Conflict, FarmError, Invalid
 from service.intake.frame_view import requested_view
@@ -23,6 +23,7 @@ __all__ = ["MAX_PIXELS", "MAX_SAMPLES", "FrameRequest", "ViewRequest", "home_vie
 
 MAX_PIXELS = 1 << 21  # the sums of a view are held in memory
 MAX_SAMPLES = 256
+MAX_SIDE = int(SETTINGS["width"].setting.high or 0)  # longest side of a picture in pixels, also of a slender home view
 HOME_PIXELS = 1280 * 720
 MAX_ASPECT_ERROR = 0.01  # relative: sizes are whole pixels
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
@@ -126,7 +127,7 @@ def home_view(scene: Scene, samples: int = MAX_SAMPLES) -> ViewRequest:
     """
     defaults: dict[str, Any] = (scene.info or {}).get("defaults") or {}
     width, height = (int(defaults.get(name) or usual) for name, usual in zip(("width", "height"), DEFAULT_SIZE, strict=True))
-    scale = math.sqrt(HOME_PIXELS / (width * height))
+    scale = min(math.sqrt(HOME_PIXELS / (width * height)), MAX_SIDE / max(width, height))
     size = {"width": max(1, round(width * scale)), "height": max(1, round(height * scale))}
     request = JobIn.model_validate({"scene": scene.id, "spp": samples, "denoise": True, **size})
     view = resolve_view(0, request.model_dump(mode="json"), scene, is_shot=False, frame=0.0)
@@ -162,9 +163,9 @@ def _frame(view: ViewRequest) -> FrameRequest | None:
 
 
 def move_view(request: ViewRequest, id: int, view: dict[str, Any]) -> ViewRequest:
-    """Returns what `resolve_view` returns if only the camera has changed since `request`, in a tenth of the time. Raises Invalid.
+    """Returns a request with another camera, as `resolve_view` would, in a tenth of its time. Raises Invalid.
 
-    id: the number that the page has chosen. view: the new camera as JSON; that of `request` was given by its `view`, too.
+    request: its camera was given by `view`, not by a name. id: number that the page has chosen. view: the new camera as JSON.
     """
     camera = View.from_json({name: value for name, value in view.items() if value is not None})
     try:

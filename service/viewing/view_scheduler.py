@@ -499,13 +499,12 @@ class ViewScheduler:
             return
         tile = session.passes.levels[piece.level].tiles[piece.tile]
         session.add(piece, unpack_sums(answer.sums, tile, planes=GUIDED if session.needs_guides([piece]) else PLAIN))
-        cost_s = seconds / (tile.w * tile.h * piece.count)
-        if piece.is_guide:
-            pass  # costs less than a sample
-        elif out.card:
-            self._cards.update(session.request, out.card, cost_s)
-        else:
-            self._costs.update(session.request, cost_s)
+        if not piece.is_guide:  # which costs less than a sample
+            cost_s = seconds / (tile.w * tile.h * piece.count)
+            if out.card:
+                self._cards.update(session.request, out.card, cost_s)
+            else:
+                self._costs.update(session.request, cost_s)
         if session.message is not None:
             self._set_message(session, None, self._workers.slots(out.kind))
         if session.is_picture_due():

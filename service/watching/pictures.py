@@ -211,6 +211,7 @@ def picture_memory(film: Film, request: PictureRequest) -> int:
     channels = sum(map(aovs.size, _names(film, request)))
     tile = film.tiles[0]
     of_bands = 5 * film.width * tile.h * 4 * max(channels, 3) + 3 * _planes(film) * tile.w * tile.h * 8
+    of_bands += 2 * 12 * request.lights * film.width * max(tile.h, ROWS)  # a band, and the one before it
     if request.extension in ("exr", "hdr"):
         return of_bands
     if request.extension == "rgb9e5":

@@ -58,7 +58,7 @@ def _render_and_send(
 ) -> float:
     """Renders and answers as `render_view_on_card` states. render: as for `render_blocks`. send: sends its result for a block.
 
-    A draft is the only answer to its message: further ones would take as long as all else but its compression.
+    A draft is the only answer to its message: others would take as long as everything besides the draft's compression.
     """
     answering = ViewAnswers(worker, work)
     if not answering.is_wanted():

@@ -1,4 +1,4 @@
-"""Recognises common damage of a file that its reader refused, for an error in plain words with the reader's error after it.
+"""Errors in plain words for files that their readers refuse; the reader's error follows in brackets.
 
 A file may be cut off by an interrupted copy, or may have other content than its suffix says, such as a picture, a web page that
 was saved in place of the file, or a Git LFS pointer.
@@ -42,11 +42,12 @@ _CONTENTS: tuple[tuple[re.Pattern[bytes], Sentence, tuple[str, ...], bool], ...]
 _PICTURES = (".png", ".jpg", ".webp", ".exr", ".hdr", ".gif", ".tif", ".avif", ".psd")
 _KINDS = {".jpg": "JPEG", ".tif": "TIFF", ".webp": "WebP"}
 _ENDS_EARLY = {"ufbx-truncated-file", "ufbx-vertices-truncated", "data-ends-early"}
+_COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)", re.DOTALL)
 _ROOT = re.compile(rb"<([A-Za-z_][\w:.-]*)[\s>/]")
 
 
 def plain_error(path: Path, name: str, error: SceneError) -> SceneError | None:
-    """Returns an error that says what is wrong with the file in plain words, then the reader's error; None if that is not known.
+    """Returns an error that states in plain words what is wrong with a file, then the reader's error; None if that is unknown.
 
     path: the file. name: its name in the scene. error: raised by the reader of the format that the name's suffix states.
     """
@@ -138,12 +139,12 @@ def _in_one_unit(found: int, declared: int) -> tuple[int, int, str]:
 
 
 def _is_xml_cut_off(head: bytes, tail: bytes) -> bool:
-    root = _ROOT.search(head)
+    root = _ROOT.search(_COMMENT.sub(b"", head))
     return root is not None and b"</%b" % root[1] not in tail and not tail.rstrip().endswith(b"/>")
 
 
 def _is_of_unended_line(path: Path, tail: bytes, error: SceneError) -> bool:
-    """Returns True if the error is of a text's last line, and that has no end."""
+    """Returns True if the error is about the last line of a text file, and that line is not terminated."""
     line = getattr(str(error), "params", {}).get("line")
     return isinstance(line, int) and not tail.endswith(b"\n") and path.read_bytes().count(b"\n") == line - 1
 

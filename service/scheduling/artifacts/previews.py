@@ -12,7 +12,7 @@ from service.scheduling.artifacts.denoising import Denoising
 __all__ = ["DenoisedPreviews"]
 
 REST = 19.0  # times the slot-seconds of the last preview until the farm makes another: previews take a twentieth of its time
-EARLY_REST = 4.0  # the same after a preview of fewer samples per pixel than EARLY_SAMPLES, which is rough: a fifth
+EARLY_REST = 4.0  # the same after a rough preview, of fewer samples per pixel than EARLY_SAMPLES: a fifth
 EARLY_SAMPLES = 64
 MOST_SECONDS = 60.0  # that a preview counts, whatever its worker reports
 
@@ -21,7 +21,7 @@ class DenoisedPreviews(Denoising):
     """Denoised previews, renewed as samples come.
 
     A frame's first preview is made at once; it is renewed when its samples have doubled. All renewals together take at most a
-    twentieth of the time of the slots that can denoise; those of frames with few samples, which are over soon, a fifth.
+    twentieth of the time of the slots that can denoise, below EARLY_SAMPLES samples per pixel at most a fifth.
     """
 
     _rests_until = 0.0

@@ -46,6 +46,11 @@ CUT = " ends before its data does. Copy or export it again ("
         ("a.gltf", b'{"asset": {"version": "2.0"}, "nodes": [', CUT + "line 1, column"),
         ("a.usdz", packed()[:100], CUT + "it is not a zip file)"),
         ("a.dae", f"{ROOT}<library_geometries>".encode(), CUT),
+        (
+            "a.dae",
+            ROOT.replace("?>", "?><!-- <tool> -->").encode() + b"<asset/></COLLADA>",
+            " is damaged or not a .dae file. Export it again (",
+        ),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1", CUT + "line 3)"),
         ("a.obj", b"v 0 0 0\nv 1 0\nv 0 1 0\n", ", line 2: "),
         ("a.glb", glb_of_declared_length(60), ": nodes"),

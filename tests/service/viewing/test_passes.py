@@ -60,6 +60,8 @@ def test_guides_follow_the_first_samples_in_messages_of_their_own(cost: float) -
     assert all(found == list(range(GUIDES_AFTER, GUIDE_SAMPLES)) for found in numbers.values())
     plain = [piece for pieces in all_of(Passes(levels, cost)) for piece in pieces]
     assert [piece for pieces in sent for piece in pieces if not piece.is_guide] == plain, "all samples besides"
+    few = all_of(Passes(levels_of(160, 90, GUIDES_AFTER, cost, 2), cost, has_guides=True))
+    assert not any(piece.is_guide for pieces in few for piece in pieces), "the view is complete before they would be used"
 
 
 def test_first_picture_respects_time_limit() -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
+import time
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,12 +13,13 @@ import pytest
 from PIL import Image
 
 from protocol.contract import BlobRef
+from service.events import Events
 from service.jobs.lookup import find_scene
 from service.store.models import Scene
-from service.viewing.posters import MIN_PIXELS, encode_poster, is_better
+from service.viewing.posters import MAX_TAKEN, MIN_PIXELS, Posters, _lacks_poster, encode_poster, is_better
 from service.viewing.session import SettledPicture
 from service.viewing.view_request import HOME_PIXELS, home_view, resolve_view, shows_home
-from tests.service.conftest import Service, until
+from tests.service.conftest import OBJ, Service, until
 from tests.service.viewer import look
 
 FLAT = np.full((54, 96, 3), 0.5, np.float32)
@@ -66,6 +70,42 @@ def test_poster_of_dark_picture_is_exposed_by_what_it_shows() -> None:
 )
 def test_poster_is_replaced_only_by_a_better_one(made: dict[str, Any], present: dict[str, Any] | None, replaces: bool) -> None:
     assert is_better(made, present) is replaces
+
+
+@pytest.mark.parametrize(
+    ("present", "lacks"),
+    [
+        (None, True),
+        (poster(4), True),
+        (poster(8), False),  # one of 16 samples would not replace it
+        (poster(256, width=640), True),
+        (poster(16, denoised=False), False),
+    ],
+    ids=str,
+)
+def test_poster_is_rendered_only_if_it_would_be_stored(present: dict[str, Any] | None, lacks: bool) -> None:
+    """Otherwise each start of the service would render it again."""
+    assert _lacks_poster(Scene(info={"poster": present})) is lacks
+
+
+def test_pictures_of_closed_views_wait_in_bounded_memory() -> None:
+    nothing: Any = None
+    posters = Posters(nothing, nothing, nothing, nothing, nothing, Events())
+    session: Any = SimpleNamespace(id="s", view=1, mean_samples=16.0, settled_picture=lambda *_: picture("a scene", 16))
+    for _ in range(3 * MAX_TAKEN):
+        posters.take(session)
+    assert posters._taken.qsize() == MAX_TAKEN
+    posters.stop()
+
+
+def test_home_view_of_a_slender_picture_is_no_longer_than_a_picture_may_be() -> None:
+    """A scene file may have a size of 16384x2; enlarged to HOME_PIXELS, it would be refused, and so would the page's view."""
+    view = {"eye": [0.0, 1.0, 5.0], "target": [0.0, 1.0, 0.0]}
+    info = {"cameras": [{"name": "automatic", "view": view}], "defaults": {"width": 16384, "height": 2}}
+    scene = Scene(id="s", status="ready", info=info, compiled={"k": {"sha256": "0" * 64}}, notes=[])
+    shown = home_view(scene).settings
+    assert (shown.width, shown.height) == (16384, 2)
+    assert shows_home(resolve_view(1, {"camera": "automatic", "width": 8192, "height": 1}, scene, False, 0.0), scene)
 
 
 def test_home_view_is_that_of_first_camera_in_any_size(service: Service) -> None:
@@ -128,14 +168,33 @@ def test_poster_is_one_blob_that_is_deleted_with_the_scene(service: Service) -> 
     assert not posters.store(picture(scene, 256)), "its scene is gone"
 
 
+def test_poster_that_another_has_overtaken_leaves_no_blob(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    with service.worker():
+        scene = service.ready_scene()
+    answers = iter((True, False))  # before the picture is encoded, and when the row is written
+    monkeypatch.setattr("service.viewing.posters.is_better", lambda *_: next(answers))
+    assert not service.farm.posters.store(picture(scene, 16))
+    assert not service.farm.blobs.exists(hashlib.sha256(encode_poster(FLAT)).hexdigest())
+
+
 @pytest.mark.long
 def test_idle_farm_renders_missing_posters_and_stops_for_others(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.viewing.posters.IDLE_S", 0.0)
     service.options["idle_posters"] = True
     service.restart()
-    with service.worker():
+    views = service.farm.views
+    with service.worker() as worker:
         scene = service.ready_scene()
         until(lambda: service.scene(scene)["poster"] is not None, "the scene has a poster")
         info = find_scene(scene, service.farm).info or {}
         assert info["poster"]["width"] * info["poster"]["height"] >= MIN_PIXELS and info["poster"]["samples"] == 16
-        until(lambda: not service.farm.views.sessions(), "the view without a page is closed")
+        until(lambda: not views.sessions(), "the view without a page is closed")
+        worker.on_part = lambda work, part: time.sleep(0.5)
+        other = service.upload(OBJ + b"# another\n")
+        until(lambda: bool(views.sessions()), "its poster is being rendered")
+        job = service.submit(other, priority=-100)
+        until(lambda: not views.sessions(), "the view without a page makes room for the job")
+        assert service.scene(other)["poster"] is None
+        worker.on_part = lambda work, part: None
+        service.wait_for(job, "finished")
+        until(lambda: service.scene(other)["poster"] is not None, "it is rendered after the job")

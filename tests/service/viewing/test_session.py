@@ -14,7 +14,7 @@ from renderer.film import SAMPLES, plane_count
 from renderer.image import rgbe9995
 from renderer.settings import RenderSettings, View
 from service.viewing import session as view_session
-from service.viewing.passes import DraftSize, Piece
+from service.viewing.passes import GUIDE_SAMPLES, GUIDES_AFTER, DraftSize, Piece
 from service.viewing.session import ViewSession
 
 SETTINGS = RenderSettings(96, 64, View((0.0, 0.0, 4.0), (0.0, 0.0, 0.0)))
@@ -41,13 +41,13 @@ def session() -> ViewSession:
     return ViewSession(lambda: None)
 
 
-def add_samples(session: ViewSession, first: int, count: int) -> None:
-    """Adds samples of all tiles."""
+def add_samples(session: ViewSession, first: int, count: int, *, is_guide: bool = False) -> None:
+    """Adds samples of all tiles; is_guide: their first hits alone."""
     assert session.passes is not None
     for number, tile in enumerate(session.passes.levels[-1].tiles):
         sums = np.zeros((plane_count(0), tile.h, tile.w), np.int64)
         sums[SAMPLES] = count
-        session.add(Piece(len(session.passes.levels) - 1, number, first, count), sums)
+        session.add(Piece(len(session.passes.levels) - 1, number, first, count, is_guide), sums)
 
 
 def test_draft_is_sent_once_and_a_newer_one_replaces_it(session: ViewSession) -> None:
@@ -116,9 +116,10 @@ def test_denoised_view_has_a_draft_and_no_noise_after_it(session: ViewSession) -
         add_samples(session, first, 1)
         assert session.begin_denoising() is None and session.take_packet(2) is None
     add_samples(session, 3, 1)
-    width, height = session.begin_denoising() or (0, 0)
-    assert session.take_packet(2) is None
-    session.end_denoising(bytes(4 * width * height))
+    assert session.begin_denoising() is None, "its guides come first"
+    add_samples(session, GUIDES_AFTER, GUIDE_SAMPLES - GUIDES_AFTER, is_guide=True)
+    assert session.begin_denoising() == (96, 64, True) and session.take_packet(2) is None
+    session.end_denoising(bytes(4 * 96 * 64))
     packet = session.take_packet(2)
     assert packet is not None and VIEW.unpack(packet).tiles == 1 and session.is_denoised
 
@@ -161,7 +162,7 @@ def test_settled_picture_is_the_latest_denoised_one_and_stays_after_it_was_shown
     show(session, 1, denoises=True)
     add_samples(session, 0, 16)
     assert session.settled_picture(1, 1) is None, "it is not denoised yet"
-    assert session.begin_denoising() == (96, 64)
+    assert session.begin_denoising() == (96, 64, True)
     session.end_denoising(rgbe9995.pack(np.full((64, 96, 3), 0.25, np.float32)).astype("<u4").tobytes())
     session.take_packet(1)
     found = session.settled_picture(100, 16)
@@ -179,3 +180,8 @@ def test_settled_picture_of_view_without_denoiser_has_enough_samples(session: Vi
     assert found is not None and (found.samples, found.is_denoised) == (16.0, False)
     show(session, 2, background="transparent")
     assert session.settled_picture(0, 0) is None, "JPEG has no alpha"
+    show(session, 3)
+    add_samples(session, 0, 16)
+    assert session.settled_picture(16, 1) is not None and session.request is not None
+    session.request.is_home = False
+    assert session.settled_picture(16, 1) is None, "it is of another view"

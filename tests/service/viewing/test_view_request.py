@@ -26,7 +26,16 @@ def json_of(view: dict[str, Any]) -> dict[str, Any]:
     return shown
 
 
-@pytest.mark.parametrize("more", ({"spp": 4, "noise": 0.1, "denoise": True}, {"frame": 3.5, "fps": 30}, {"shutter": 0.5}))
+@pytest.mark.parametrize(
+    "more",
+    (
+        {"spp": 4, "noise": 0.1, "denoise": True},
+        {"frame": 3.5, "fps": 30},
+        {"frame": 2, "turntable": 48, "clip": "walk"},
+        {"shutter": 0.5},
+        {"light_paths": "on", "background": "transparent", "alpha": True},
+    ),
+)
 def test_moved_view_is_the_resolved_one(more: dict[str, Any]) -> None:
     for view in ({**VIEW, "eye": [3.0, 2.0, 1.0]}, {**VIEW, "fov": 20.0, "up": [0.3, 1.0, 0.0]}):
         assert move_view(resolved(1, VIEW, **more), 2, json_of(view)) == resolved(2, view, **more)

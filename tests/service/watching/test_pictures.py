@@ -8,9 +8,11 @@ from __future__ import annotations
 import io
 import tracemalloc
 from collections.abc import Iterator
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import BinaryIO, cast
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
@@ -147,6 +149,20 @@ def test_memory_estimate_is_not_exceeded(film: Film, small: Film, wish: PictureR
     finally:
         tracemalloc.stop()
     assert most < picture_memory(film, wish)
+
+
+@pytest.mark.long
+def test_memory_estimate_includes_denoised_light_groups(film: Film, tmp_path: Path) -> None:
+    """Of 40 light groups, a band has 34 MB, many times as much as one of a colour."""
+    dark = nullcontext(cast(BinaryIO, SimpleNamespace(read=bytes)))  # of any length
+    wish = PictureRequest("exr", denoised=lambda: cast(BinaryIO, dark), lights=40, gains=((1.0, 1.0, 1.0),) * 40)
+    tracemalloc.start()
+    try:
+        picture_file(film, 0, wish, tmp_path)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert picture_memory(film, replace(wish, lights=0)) < most < picture_memory(film, wish)
 
 
 def test_radiance_file_memory_is_independent_of_height(film: Film) -> None:

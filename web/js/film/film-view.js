@@ -17,7 +17,8 @@ import { t } from "../base/words.js";
 /** Durations, in milliseconds, in which a picture fades into a better one, and moves from where the page before had it. */
 const [FADE_MS, GLIDE_MS] = [200, 200];
 
-const movesLittle = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
+/** Whether the user prefers pages without motion. */
+const prefersStill = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 /**
  * @typedef {object} FilmHandlers
@@ -147,7 +148,7 @@ export class FilmView {
     const { style } = canvas.canvas;
     if (!origin?.width || !style.width) return; // not laid out yet
     this.origin = null;
-    if (movesLittle()) return;
+    if (prefersStill()) return;
     const stage = this.element.getBoundingClientRect();
     const ratio = devicePixelRatio;
     const scale = (origin.width * ratio) / (viewport.picture.width * viewport.scale);
@@ -161,7 +162,7 @@ export class FilmView {
   /** Keeps what is shown over the canvas while it fades; called before a picture is replaced. */
   fade() {
     const { canvas } = this.canvas;
-    if (this.poster || this.canvas.high || this.isDisposed || movesLittle() || !canvas.style.width || document.hidden) return; // a poster fades itself
+    if (this.poster || this.canvas.high || this.isDisposed || prefersStill() || !canvas.style.width || document.hidden) return; // a poster fades itself
     const copy = h("canvas", { "aria-hidden": "true", width: canvas.width, height: canvas.height });
     copy.style.cssText = canvas.style.cssText;
     this.canvas.draw(); // WebGL keeps its picture only until the next frame
@@ -172,7 +173,7 @@ export class FilmView {
   /** Lays an element over the canvas, and removes it once it has faded. @param {HTMLElement} element */
   fadeOut(element) {
     this.endFade();
-    if (movesLittle()) return element.remove();
+    if (prefersStill()) return element.remove();
     this.canvas.canvas.after(element);
     this.fading = element;
     element.classList.add("fading");

@@ -78,7 +78,7 @@ export class PictureSide {
     this.isPreview = false;
     /** When the next preview may be asked for. */
     this.previewAt = 0;
-    /** When every tile had samples first. @type {number | undefined} */
+    /** When every tile first had samples. @type {number | undefined} */
     this.coveredAt = undefined;
     this.timer = setInterval(() => this.isOld() && void this.fetch(), EVERY_MS);
     this.previewTimer = setInterval(() => this.lookAgain(), PREVIEW_MS);
@@ -283,7 +283,7 @@ export class PictureSide {
     try {
       if (isMix(channel)) {
         if (!this.hasCleanPlanes) await this.fetchPlanes({}, signal);
-        // Each group once it is at rest; a mix then costs nothing.
+        // Each group is denoised once, when the job has ended; mixing needs no worker.
         if (channel === DENOISED_MIX && !this.live.isRendering) await this.fetchPlanes({ denoise: "true" }, signal);
       } else if (hasWords(channel)) {
         const { width, height } = this.live.film;

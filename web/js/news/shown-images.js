@@ -1,6 +1,6 @@
 /**
- * Pictures of cards and rows as the page has shown them: one that is made again shows its picture in its first frame, without loading
- * and decoding it, and a job's page begins with the picture of its row.
+ * Pictures of cards and rows that the page has shown: a card that is created again shows its picture in its first frame, without
+ * loading and decoding it, and a job's page begins with the picture of its row.
  */
 
 /** Number of pictures that are kept. */

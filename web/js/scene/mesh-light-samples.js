@@ -10,8 +10,8 @@ const STEPS = /** @type {const} */ ([0.7548776662466927, 0.5698402909980532]);
 const luminance = (red, green, blue) => 0.2126 * red + 0.7152 * green + 0.0722 * blue;
 
 /**
- * Returns directions whose colours, times the cosine of the angle to a normal, add up to irradiance divided by pi. Any first ones of them are
- * an estimate too, in proportion to their number.
+ * Returns directions whose colours, times the cosine of the angle to a normal, add up to irradiance divided by pi. The sum over the first k
+ * of n directions, times n / k, is an estimate too.
  *
  * @param {{width: number, height: number, texels: Float32Array}} table equirectangular radiance, four values each
  * @param {number} count

@@ -6,7 +6,7 @@ const PATIENCE_MS = 1500; // waits for content of the service that makes the pag
 const tops = new Map();
 /** Scroll positions of the latest entry of each address. @type {Map<string, number>} */
 const latestTops = new Map();
-/** Whether the next address is that of a page that the user comes back to by a link. */
+/** Whether the next address is followed by a link back, so that the page starts where it was. */
 let isReturn = false;
 let newest = Date.now(); // greater than the entries of this tab before a reload
 let entry = newest;
@@ -25,7 +25,7 @@ function remember() {
   latestTops.set(address, scrollY);
 }
 
-/** Lets the next page be shown as it was left: a link back to it is followed. */
+/** Makes the next page start at the scroll position that it had, since a link back to it is followed. */
 export const returnToPlace = () => void (isReturn = true);
 
 /** Restores the scroll position of the current entry once its view is shown; a new entry starts at the top. */

@@ -92,7 +92,7 @@ export function clearPageErrors() {
 /** Notices about an upload that are shown, oldest first. @type {Set<() => void>} */
 const uploadNotices = new Set();
 
-/** Removes what is said about earlier uploads; those in progress stay. */
+/** Removes the notices about earlier uploads; uploads in progress stay. */
 export function clearUploadNotices() {
   for (const close of [...uploadNotices]) close();
 }

@@ -257,8 +257,8 @@ async function sendOnce(files, fields, arrival) {
   }
 }
 
-/** The fault of a file, and what to do about it, as the service's messages have them. */
-const FAULT_AND_REMEDY = /^(.{12,}?)(?:\. |。)(\S.*)$/s;
+/** The fault of a file, and what to do about it, as the service's messages have them. A name may have ". " too, as "Hall No. 3.glb". */
+const FAULT_AND_REMEDY = /^(.{12,}?)(?:\. (?=\p{Lu})|。(?=\S))(.*)$/su;
 
 /** Shows why the service refuses an upload. @param {string} heading where the message is a single sentence @param {unknown} error */
 function refuse(heading, error) {
