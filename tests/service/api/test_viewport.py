@@ -326,8 +326,9 @@ def test_cards_take_pieces_first_and_lose_none(service: Service, worker: PeerWor
     def end(work: ViewParts, part: Part) -> bool | None:
         return False if trouble == "dies" and len(card.parts) > 5 else None
 
-    with service.worker(name="card", slots=1, has_cards=True, views=False, denoises=False) as card:
-        card.on_view, card.on_part, card.is_fetching = decline, end, trouble != "busy"
+    card = service.worker(name="card", slots=1, has_cards=True, views=False, denoises=False)
+    card.on_view, card.on_part, card.is_fetching = decline, end, trouble != "busy"  # before it begins to fetch
+    with card:
         worker.on_part = lambda work, part: time.sleep(0.001)
         with look(service, service.ready_scene()) as viewer:
             until(lambda: service.farm.views._cards.accepting("test-kind"), "the card is known")
