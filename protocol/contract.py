@@ -61,6 +61,7 @@ __all__ = [
     "TrainPathGuide",
     "WorkerReport",
     "denoise_queue",
+    "home_camera",
     "pause_key",
     "prepare_queue",
     "recall_key",
@@ -219,7 +220,7 @@ class SceneInfo:
     kind: str
     compiled: BlobRef
     thumbnail: BlobRef | None
-    cameras: list[dict[str, Any]]  # {name, view: renderer.settings.View}; never empty: the last one frames the bounds
+    cameras: list[dict[str, Any]]  # renderer.scene.compile.camera_dicts; never empty: the last one frames the bounds
     counts: dict[str, int]  # triangles, spheres, materials, textures, lights, ...
     bounds: list[list[float]]  # lower and upper corner
     animations: list[str]
@@ -249,6 +250,11 @@ class SceneInfo:
         pictures = {name: BlobRef.from_json(known[name]) if known.get(name) else None for name in ("thumbnail", "preview")}
         stored = {"compiled": BlobRef.from_json(known["compiled"]), **pictures}
         return cls(**{**known, **stored})
+
+
+def home_camera(cameras: list[dict[str, Any]]) -> int:
+    """Returns the number of the camera by which a page and a thumbnail show a scene: the last one if the first sees nothing."""
+    return len(cameras) - 1 if cameras[0].get("sees_nothing") else 0
 
 
 @dataclass(frozen=True)

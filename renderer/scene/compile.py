@@ -17,7 +17,7 @@ from renderer.bvh.subtrees import AssembledBvh
 from renderer.kernel.light.punctual import SUN, SUN_UNSEEN
 from renderer.scene import motion_keys
 from renderer.scene.curve_meshes import with_tubes
-from renderer.scene.default_camera import frame
+from renderer.scene.default_camera import frame, is_out_of_view
 from renderer.scene.description import I32, Camera, SceneDescription
 from renderer.scene.displacement.apply import displace
 from renderer.scene.emission_maps import maps_of, tabulate_emission
@@ -52,6 +52,7 @@ from renderer.scene.volumes import tabulate_volumes
 from renderer.sentences import Sentence
 from renderer.settings import View
 from renderer.threads import Team
+from renderer.work import DEFAULT_SIZE
 
 __all__ = ["AUTO_CAMERA", "camera_dicts", "camera_names", "compile_scene", "own_cameras", "summarise", "summarise_again"]
 
@@ -338,11 +339,14 @@ def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.n
     """Returns the cameras in the form used by `summarise`.
 
     bounds: (2, 3) corners of all geometry. points: (N, 3) that the camera "auto" frames, unless the scene is a room; without any,
-    it frames the bounds.
+    it frames the bounds. A camera whose picture, as large as the file says, shows nothing within the bounds has `sees_nothing`.
     """
     automatic = room_view(description, bounds) or frame(points if len(points) else _corners(bounds), description.up)
     cameras = [*_aimed_cameras(description, bounds), Camera(AUTO_CAMERA, automatic)]
-    return [_camera_dict(camera) for camera in cameras]
+    width, height = (
+        int(description.defaults.get(name) or usual) for name, usual in zip(("width", "height"), DEFAULT_SIZE, strict=True)
+    )
+    return [_camera_dict(camera, _corners(bounds), width / height) for camera in cameras]
 
 
 def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
@@ -358,10 +362,17 @@ def _aimed_cameras(description: SceneDescription, bounds: np.ndarray) -> list[Ca
     ]
 
 
-def _camera_dict(camera: Camera) -> dict[str, Any]:
-    """Returns a camera as JSON, with `views` if it moves while the shutter is open."""
-    still = {"name": camera.name, "view": _view_dict(camera.view)}
-    return {**still, "views": [_view_dict(view) for view in camera.keys]} if camera.keys else still
+def _camera_dict(camera: Camera, corners: np.ndarray, aspect: float) -> dict[str, Any]:
+    """Returns a camera as JSON, with `views` if it moves while the shutter is open, and with `sees_nothing` if that is so.
+
+    corners: of the scene's bounds, (8, 3). aspect: width of its picture by its height.
+    """
+    found: dict[str, Any] = {"name": camera.name, "view": _view_dict(camera.view)}
+    if camera.keys:
+        found["views"] = [_view_dict(view) for view in camera.keys]
+    if all(is_out_of_view(corners, view, aspect) for view in (camera.view, *camera.keys)):
+        found["sees_nothing"] = True
+    return found
 
 
 def _with_ray_roots(laid: AssembledBvh, stood: PlacedGeometry, seen: Visibility, part: I32) -> AssembledBvh:

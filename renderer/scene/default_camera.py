@@ -1,13 +1,14 @@
-"""Default camera of scenes without one: frames the whole scene with room around it, from a three-quarter angle."""
+"""Default camera of scenes without one, which frames the whole scene from a three-quarter angle, and what another one misses."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.kernel.camera import axes_of, extent_at_one
 from renderer.settings import Vec3, View
 
-__all__ = ["frame"]
+__all__ = ["frame", "is_out_of_view"]
 
 FOV = 35.0  # degrees, vertical: about a 55 mm lens on full frame, natural for objects
 ASPECT = 3 / 2  # wider pictures show more at the sides, squares stay nearly whole
@@ -48,6 +49,27 @@ def frame(points: npt.NDArray[np.floating], up: Vec3 = (0.0, 1.0, 0.0)) -> View:
     eye = at[0] * right + at[1] * above + eye_depth * back
     target = at[0] * right + at[1] * above + middle * back
     return View(_vec3(eye), _vec3(target), _vec3(vertical), FOV)
+
+
+def is_out_of_view(points: npt.NDArray[np.floating], view: View, aspect: float) -> bool:
+    """Returns True if a camera shows nothing between (N, 3) points for certain: all are beyond one edge of its picture.
+
+    aspect: width of the picture by its height.
+    """
+    if view.projection == "panorama" or view.distortion is not None or not len(points):
+        return False
+    right, up, back, eye = axes_of(view)
+    x, y, z = np.stack([right, up, -back]) @ (np.asarray(points, np.float64) - eye).T
+    height = np.full_like(z, view.height) if view.projection == "orthographic" else z * extent_at_one(view)
+    across, above = x - view.shift_x * height, y - view.shift_y * height
+    beyond = (
+        across > height * aspect / 2,
+        across < -height * aspect / 2,
+        above > height / 2,
+        above < -height / 2,
+        z <= view.near,
+    )
+    return any(bool(side.all()) for side in beyond)
 
 
 def _vec3(v: npt.NDArray[np.float64]) -> Vec3:

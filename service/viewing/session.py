@@ -209,7 +209,7 @@ class ViewSession:
                 return None
             last = len(self._canvases) - 1
             canvas = self._canvases[last]
-            awaits_guides = canvas.samples >= GUIDES_AFTER and not canvas.has_all_guides and not canvas.is_complete
+            awaits_guides = canvas.mean_samples >= GUIDES_AFTER and not canvas.has_all_guides and not canvas.is_complete
             if not awaits_guides and self._denoised.is_due(canvas.samples, canvas.mean_samples, canvas.is_complete):
                 self._denoised.begin(*canvas.means(), canvas.mean_samples, last)
                 return canvas.level.width, canvas.level.height, canvas.has_all_guides

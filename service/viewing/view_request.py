@@ -7,7 +7,7 @@ import math
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from protocol.contract import FrameInfo, PrepareFrames
+from protocol.contract import FrameInfo, PrepareFrames, home_camera
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
 from renderer.sentences import Sentence, with_full_stop
@@ -123,13 +123,15 @@ def resolve_view(
 def home_view(scene: Scene, samples: int = MAX_SAMPLES) -> ViewRequest:
     """Returns the view that a page opens a ready scene with, of about HOME_PIXELS pixels and denoised.
 
-    It has the scene's first camera, its own light, and the settings of its file. Raises Conflict and Invalid.
+    It has the scene's `home_camera`, its own light, and the settings of its file. Raises Conflict and Invalid.
     """
     defaults: dict[str, Any] = (scene.info or {}).get("defaults") or {}
     width, height = (int(defaults.get(name) or usual) for name, usual in zip(("width", "height"), DEFAULT_SIZE, strict=True))
     scale = min(math.sqrt(HOME_PIXELS / (width * height)), MAX_SIDE / max(width, height))
     size = {"width": max(1, round(width * scale)), "height": max(1, round(height * scale))}
-    request = JobIn.model_validate({"scene": scene.id, "spp": samples, "denoise": True, **size})
+    cameras: list[dict[str, Any]] = (scene.info or {}).get("cameras") or []
+    camera = {"camera": home_camera(cameras)} if cameras else {}
+    request = JobIn.model_validate({"scene": scene.id, "spp": samples, "denoise": True, **camera, **size})
     view = resolve_view(0, request.model_dump(mode="json"), scene, is_shot=False, frame=0.0)
     return replace(view, is_home=True)
 
@@ -141,7 +143,12 @@ def shows_home(view: ViewRequest, scene: Scene) -> bool:
     """
     shown = view.settings
     cameras: list[dict[str, Any]] = (scene.info or {}).get("cameras") or []
-    if scene.of is not None or shown.is_transparent or not cameras or shown.view != View.from_json(cameras[0]["view"]):
+    if (
+        scene.of is not None
+        or shown.is_transparent
+        or not cameras
+        or shown.view != View.from_json(cameras[home_camera(cameras)]["view"])
+    ):
         return False  # as for most requests, while the camera turns
     try:
         own = home_view(scene)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from protocol.contract import Manifest
+from protocol.contract import Manifest, home_camera
 from protocol.mesh import encode_mesh
 from renderer.confine.reader import Link
 from renderer.errors import RayfarmError
@@ -49,8 +49,8 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
     progress("reading", 0.05)
     shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant, manifest.up, manifest.floor)
     description = shot.scene_at(Moment(shot.start))
-    if (shown := draw_preview(description, folder_of(out) / PREVIEW)) is not None:
-        link.send({"step": "reading", "fraction": 0.3, "preview": shown})
+    if (drawn := draw_preview(description, folder_of(out) / PREVIEW)) is not None:
+        link.send({"step": "reading", "fraction": 0.3, "preview": drawn})
     link.call_parent(COMPILE)
     kept = ShotCache()
     compiled = compile_scene(description, compiling, shot_cache=kept)
@@ -58,7 +58,8 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
     summary["lights_power"] = kept.lights_power
     assert kept.cuts is not None
     summary["compiled"] = Saver(folder_of(out)).save(compiled, kept.cuts).name  # shares parts with other frames
-    summary["variant"] = variant_for(thumbnail_settings(summary["cameras"][0]["view"], summary["defaults"]), compiled)
+    shown = summary["cameras"][home_camera(summary["cameras"])]
+    summary["variant"] = variant_for(thumbnail_settings(shown["view"], summary["defaults"]), compiled)
     return summary
 
 

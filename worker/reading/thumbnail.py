@@ -24,7 +24,7 @@ SECONDS = 0.3  # seconds; passes double in samples, so it may take twice this, a
 def thumbnail_settings(view: dict[str, Any], defaults: dict[str, Any]) -> RenderSettings:
     """Returns the render settings of a thumbnail.
 
-    view: the view of the scene's first camera. defaults: settings in the scene's file, of which the aspect ratio is used.
+    view: the camera. defaults: settings in the scene's file, of which the aspect ratio is used.
     """
     width, height = defaults.get("width", 16), defaults.get("height", 9)
     small_height = min(max(WIDTH * height // width, 64), 2 * WIDTH)

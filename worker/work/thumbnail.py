@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from functools import partial
 
-from protocol.contract import BlobRef, SceneInfo
+from protocol.contract import BlobRef, SceneInfo, home_camera
 from worker.process.context import WorkerContext
 from worker.reading.thumbnail import render_thumbnail
 from worker.work.reader import ReaderFolder
@@ -18,7 +18,7 @@ THUMBNAIL = "thumbnail.png"
 
 
 def make_thumbnail(worker: WorkerContext, info: SceneInfo, subject: str) -> BlobRef:
-    """Renders and stores the thumbnail of a prepared scene, seen by its first camera. Raises WorkerError and OSError.
+    """Renders and stores the thumbnail of a prepared scene, seen by its `home_camera`. Raises WorkerError and OSError.
 
     subject: the scene's main file, for errors.
     """
@@ -26,6 +26,7 @@ def make_thumbnail(worker: WorkerContext, info: SceneInfo, subject: str) -> Blob
     with ReaderFolder("thumbnail") as room:
         room.place_base(worker, compiled)
         base, result = os.fsencode(room.base), os.fsencode(room.out / THUMBNAIL)
-        job = partial(render_thumbnail, base, compiled, info.cameras[0]["view"], info.defaults, result)
+        view = info.cameras[home_camera(info.cameras)]["view"]
+        job = partial(render_thumbnail, base, compiled, view, info.defaults, result)
         room.run(job, subject, SECONDS)
         return store(worker, room.result(THUMBNAIL))

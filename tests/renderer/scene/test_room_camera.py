@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from protocol.contract import home_camera
 from renderer.scene.compile import camera_dicts
-from renderer.scene.description import Instance, Mesh, SceneDescription
+from renderer.scene.description import Camera, Instance, Mesh, SceneDescription
 from renderer.scene.room_camera import room_view
+from renderer.settings import View
 from tests.renderer.builders import box
 
 BOUNDS = np.array([(-4.0, 0.0, -3.0), (4.0, 3.0, 3.0)])
@@ -100,3 +102,28 @@ def test_camera_avoids_what_stands_in_its_corner():
     usual = room_view(scene(inwards(unit_box())), BOUNDS)
     other = room_view(scene(inwards(unit_box()), thing=usual.eye, size=0.5), BOUNDS)
     assert other.eye[0] < 0 < usual.eye[0]
+
+
+@pytest.mark.parametrize(
+    ("target", "more", "is_blind"),
+    [
+        ((0.0, 0.0, 9.0), {}, True),
+        ((0.0, 0.0, 0.0), {}, False),
+        ((9.0, 0.0, 4.0), {}, True),
+        ((9.0, 0.0, 4.0), {"fov": 120.0}, False),
+        ((0.0, 0.0, 9.0), {"projection": "panorama"}, False),
+        ((4.0, 0.0, 0.0), {"fov": 20.0}, True),
+        ((4.0, 0.0, 0.0), {"fov": 20.0, "shift_x": -1.5}, False),
+        ((0.0, 0.0, 0.0), {"near": 9.0}, True),
+        ((0.0, 9.0, 4.01), {"projection": "orthographic"}, True),
+    ],
+)
+def test_camera_that_sees_nothing_is_marked(target, more, is_blind):
+    """A page shows the scene by the automatic camera then; one that sees the corner of the bounds is not marked."""
+    view = View((0.0, 0.0, 4.0), target, **more)
+    description = SceneDescription(cameras=[Camera("own", view)])
+    corners = np.array([(x, y, z) for x in (-1.0, 1) for y in (-1.0, 1) for z in (-1.0, 1)])
+    own, automatic = camera_dicts(description, np.array([(-1.0, -1, -1), (1.0, 1, 1)]), corners)
+    assert own.get("sees_nothing", False) is is_blind
+    assert "sees_nothing" not in automatic
+    assert home_camera([own, automatic]) == int(is_blind)

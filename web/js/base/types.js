@@ -16,7 +16,7 @@
  * @property {number} [shift_y] lens shift up
  * @property {number} [height] visible height of an orthographic camera
  *
- * @typedef {{name: string, view: View}} Camera
+ * @typedef {{name: string, view: View, sees_nothing?: boolean}} Camera
  *
  * @typedef {Record<string, any>} Codes of texts by field: code and params of each, see said.js
  *

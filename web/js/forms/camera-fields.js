@@ -26,6 +26,9 @@ const AUTO_CAMERA = "auto"; // a camera that every scene has
 const OWN_VIEW = "\0view"; // never the number of a camera
 const OF_SIDE = "\0side "; // before the name of a side
 
+/** Returns the number of the camera by which a scene is shown first: the automatic one if the first sees nothing (protocol/contract.py). @param {Scene["cameras"]} cameras */
+export const homeCamera = (cameras) => (cameras[0]?.sees_nothing ? cameras.length - 1 : 0);
+
 /**
  * @param {Scene} scene
  * @param {(projection: string) => void} projected the user, or a camera, chose a projection
@@ -40,10 +43,16 @@ export function cameraFields({ cameras }, projected, bounds) {
     cameras.length > 0 && Object.entries(SIDES).map(([side, { label }]) => h("option", { value: OF_SIDE + side }, label)),
     h("option", { value: OWN_VIEW }, t("Custom view …")),
   );
-  const view = viewFields(cameras[0]?.view, projected);
+  const home = homeCamera(cameras);
+  camera.value = String(home);
+  const view = viewFields(cameras[home]?.view, projected);
   /** The cameras' views as the fields have them, by number, of those that were chosen. */
-  const chosenViews = new Map([[0, JSON.stringify(view.get())]]);
-  const show = () => (view.place.hidden = camera.value !== OWN_VIEW);
+  const chosenViews = new Map([[home, JSON.stringify(view.get())]]);
+  const note = h("p", { class: "quiet small stand-in" }, t("The file's camera sees nothing, so the automatic one is used."));
+  const show = () => {
+    view.place.hidden = camera.value !== OWN_VIEW;
+    note.hidden = home === 0 || camera.value !== String(home);
+  };
   camera.addEventListener("change", () => {
     show();
     if (!view.place.hidden) view.place.open = true; // chosen here, it is typed; a turned view seldom is
@@ -59,7 +68,7 @@ export function cameraFields({ cameras }, projected, bounds) {
   });
   show();
   return {
-    elements: [field(t("Camera"), camera), view.place],
+    elements: [field(t("Camera"), camera), note, view.place],
     lens: view.lens,
     get: () => (camera.value === OWN_VIEW || camera.value.startsWith(OF_SIDE) || view.isChanged() ? { view: view.get() } : { camera: asked(cameras, Number(camera.value)) }),
     view: view.get,

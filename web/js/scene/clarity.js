@@ -12,19 +12,20 @@ const MOST = 256; // samples a pixel of a view
 const KEY = "rayfarm-view-noise";
 
 /**
- * @param {number} mean samples a pixel
+ * @param {number} mean samples a pixel so far
  * @param {number | null} noise relative; null: unknown with so few samples
  * @param {boolean} isDone
  * @param {boolean} [isPreview] whether the preview mesh or an earlier picture is shown in its place
- * @param {boolean} [isDenoised] whether the noise is not seen
+ * @param {number} [denoised] samples a pixel of the denoised picture that is shown; 0: the noise is seen
  */
-export function clarity(mean, noise, isDone, isPreview = false, isDenoised = false) {
-  const n = mean < 1 ? Number(mean.toPrecision(1)) : Math.round(mean);
+export function clarity(mean, noise, isDone, isPreview = false, denoised = 0) {
+  if (isPreview) return t("Preview");
+  if (!mean) return t("Waiting for the first samples …");
+  const shown = denoised || mean;
+  const n = shown < 1 ? Number(shown.toPrecision(1)) : Math.round(shown);
   const all = isDone ? 0 : samplesFor(mean, noise);
   const samples = all > n ? t("{n} of about {all} samples", { n, all }) : tn(n, "{n} sample", "{n} samples");
-  if (isPreview) return mean ? t("Preview, {samples}", { samples }) : t("Preview, rendering …");
-  if (!mean) return t("Waiting for the first samples …");
-  const left = isDenoised ? t("denoised") : noise === null ? "" : t("{noise} noise", { noise: percent(noise) });
+  const left = denoised ? t("denoised") : noise === null ? "" : t("{noise} noise", { noise: percent(noise) });
   return [samples, left, isDone && t("done")].filter(Boolean).join(", ");
 }
 

@@ -23,7 +23,7 @@ import { meshPicture } from "./view-pictures.js";
  * @property {string} nearest the same picture, smaller, which the page has loaded before; "": none
  * @property {boolean} isFinished
  * @property {boolean} isSame whether it is of the same view
- * @property {{element: HTMLElement, isOpen: boolean, follow: (samples: number, all: number, message: string) => void, end: () => void}} steps of an upload, shown until the first picture
+ * @property {{element: HTMLElement, isOpen: boolean, follow: (samples: number, all: number, message: string, denoises: boolean) => void, end: () => void}} steps of an upload, shown until the first picture
  * @property {boolean} [isClear] whether it was this very view, or the scene's poster, when it was clear
  */
 
@@ -44,11 +44,10 @@ const FINE_SHARE = 0.75;
 const POSTER_SPP = 16;
 /** Samples per pixel after which a view is clear enough to be kept, and one that is not denoised replaces a preview mesh, a thumbnail or nothing: fewer are noise. */
 export const SHARP_SPP = 4;
-/**
- * Samples per pixel from which a denoised picture replaces the sharp preview mesh, whose edges those of fewer are rougher than; after each of these
- * times, in milliseconds, half as many do.
- */
-export const [CLEAR_SPP, HALVED_MS] = [8, 3000];
+/** Samples per pixel from which a denoised picture replaces the sharp preview mesh, which looks better than those of fewer. */
+export const CLEAR_SPP = 8;
+/** Time, in milliseconds, after which SHARP_SPP samples replace it; and after which any replace a kept picture in the same light. */
+const [ROUGH_MS, KEPT_MS] = [10_000, 3000];
 /** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
 const POOR = 0.6;
 
@@ -321,9 +320,7 @@ export class Cover {
     const isCleanBelow = meanwhile.isFinished && !this.isMeshShown;
     // The preview mesh is sharp: what replaces it must be as fine, and not smeared by denoising few samples.
     const isMeshTrue = !hasKept && this.isMeshShown && !this.isChanged;
-    const isClearBelow = isMeshTrue || (isCleanBelow && Boolean(meanwhile.isClear));
-    const isDue = isMeshTrue ? !isDenoisedSoon || spp >= CLEAR_SPP * 2 ** (-waited / HALVED_MS) : (!isDenoisedSoon && !meanwhile.isClear) || spp >= POSTER_SPP;
-    const isSharp = !isClearBelow || (done && spp >= mean) || isDue;
+    const isSharp = (done && spp >= mean) || this.isDue(spp, waited, light);
     const isEmptyBelow = !this.isMeshShown && !this.surface.style.backgroundImage;
     const isEnough = spp >= (isEmptyBelow ? SHARP_SPP : isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : hasKept ? MESH_SPP : SHARP_SPP);
     // A small picture replaces the kept one only where that is of the same camera, or shows little of the view.
@@ -331,6 +328,21 @@ export class Cover {
     const isReady = (done && !isDenoisedSoon) || (denoised && isFine && isSharp) || (isEnough && (isFine || !isMeshTrue));
     if (isReady && (isLatest || !hasKept)) this.release();
     else if (denoised) this.keepNewer(shown);
+  }
+
+  /**
+   * Returns whether a denoised picture has enough samples to replace what is shown.
+   *
+   * @param {number} spp samples per pixel of the picture
+   * @param {number} waited since the view has samples, in milliseconds
+   * @param {string} light of the latest request
+   */
+  isDue(spp, waited, light) {
+    // A picture of the same camera is kept where something else has changed, which is to be seen. The guides of few samples have noise.
+    if (this.hasKept) return this.mesh.distance === 0 || this.keptLight !== light || spp >= SHARP_SPP || waited > KEPT_MS;
+    if (this.isMeshShown && !this.isChanged) return spp >= CLEAR_SPP || (waited > ROUGH_MS && spp >= SHARP_SPP);
+    const isClearBelow = !this.isMeshShown && this.meanwhile.isFinished && Boolean(this.meanwhile.isClear);
+    return !isClearBelow || spp >= POSTER_SPP;
   }
 
   /** Returns the URL of what is shown in place of the canvas; "" if nothing is. */

@@ -261,9 +261,9 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       setDenoised(denoised);
       if (isLatest && (done || (denoised && shown >= SHARP_SPP))) clearId = id;
       if (id !== null && isLatest && pictureId() === id && (done || mean >= WHOLE_SPP)) dark.explain(id, done || mean >= BLACK_SPP);
-      meanwhile.steps.follow(Math.min(mean, CLEAR_SPP), CLEAR_SPP, saidOf(found, "message"));
+      meanwhile.steps.follow(mean, CLEAR_SPP, saidOf(found, "message"), cover.willBeDenoised());
       if (message) say(saidOf(found, "message"));
-      else if (bound) say(clarity(mean, noise, done, cover.isInstead, denoised), done);
+      else if (bound) say(clarity(mean, noise, done, cover.isInstead, denoised ? shown || mean : 0), done);
       state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");
     },
     failed: (sentence) => say(sentence),

@@ -5,15 +5,16 @@ import { icon } from "../base/icons.js";
 import { jobs } from "../news/farm.js";
 import { uploadSeconds } from "../news/upload-times.js";
 import { t } from "../base/words.js";
+import { isViewDenoised } from "./denoise-view.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 
-export const STEPS = /** @type {const} */ (["upload", "read", "build", "compile", "render"]);
+export const STEPS = /** @type {const} */ (["upload", "read", "build", "compile", "render", "denoise"]);
 
 /** @typedef {(typeof STEPS)[number]} Step */
 
 /** @type {Record<Step, string>} */
-const LABELS = { upload: t("Upload"), read: t("Read"), build: t("Build"), compile: t("Compile renderer"), render: t("Render") };
+const LABELS = { upload: t("Upload"), read: t("Read"), build: t("Build"), compile: t("Compile renderer"), render: t("Render"), denoise: t("Denoise") };
 
 /** Fractions of a preparation from which a scene is built, and rendered (worker/reading/prepare.py). */
 const [BUILT_FROM, RENDERED_FROM] = [0.3, 0.85];
@@ -67,8 +68,8 @@ export const secondsText = (seconds) => t("{n} s", { n: seconds < 10 ? seconds.t
 export function prepareSteps(scene) {
   const times = new StepTimes(uploadSeconds.get(scene) ?? null);
   let isOver = false;
-  /** What the last step is doing. */
-  let doing = "";
+  /** What rendering is doing, and whether the picture is denoised after it. */
+  let [doing, isDenoised] = ["", isViewDenoised()];
   const list = h("ol", { class: "steps small number" });
   const now = () => performance.now() / 1000;
   const tick = () => {
@@ -77,8 +78,9 @@ export function prepareSteps(scene) {
       const isCurrent = step === times.step;
       const isDone = step === "upload" || i < at;
       const took = isCurrent ? now() - times.since : times.took[step];
-      // Skipped steps were already done.
-      if (step === "compile" && !isCurrent && took === undefined) return null;
+      // The page does not show an upload by another one, or of an example; skipped steps were already done.
+      if (["upload", "compile"].includes(step) && !isCurrent && took === undefined) return null;
+      if (step === "denoise" && !isDenoised) return null;
       const hint = isCurrent && h("span", { class: "quiet small" }, step === "compile" ? compileWords(took ?? 0) : (step === "render" && doing) || reasonOf(took ?? 0));
       return h(
         "li",
@@ -108,15 +110,18 @@ export function prepareSteps(scene) {
       tick();
     },
     /**
-     * Says what the last step is doing.
+     * Says how far the picture is.
      *
      * @param {number} samples per pixel so far
      * @param {number} all that the picture needs to be shown
      * @param {string} message why there are no new ones; "": there are
+     * @param {boolean} denoises whether the picture is denoised after it
      */
-    follow(samples, all, message) {
-      const n = Math.round(samples);
-      doing = message || (n < all ? t("{n} of {all} samples", { n, all }) : t("Denoising …"));
+    follow(samples, all, message, denoises) {
+      const n = Math.min(Math.round(samples), all);
+      doing = message || t("{n} of {all} samples", { n, all });
+      isDenoised = denoises;
+      if (denoises && n === all && times.step) times.put("denoise", now());
     },
     /** The first picture is seen. */
     end() {

@@ -5,6 +5,7 @@
 
 import { h, setText } from "../base/dom.js";
 import { t } from "../base/words.js";
+import { homeCamera } from "../forms/camera-fields.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
 import { PREPARING } from "./clarity.js";
@@ -121,7 +122,7 @@ export function preparingView(scene, steps) {
   /** Shows the service's preview as soon as it has one. @param {import("./mesh-canvas.js").MeshCanvas} on */
   const showPreview = (on) => {
     const { id, preview, cameras, bounds, defaults } = latest;
-    const first = cameras[0]?.view;
+    const first = cameras[homeCamera(cameras)]?.view;
     const [low, high] = bounds ?? [];
     if (!preview || !first || !low || !high || isAsked) return;
     isAsked = true;

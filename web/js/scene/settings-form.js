@@ -75,7 +75,7 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     const variant = variantField(scene, start?.variant ?? null);
     const stand = standFields(scene, start, (moved) => camera.move(moved(camera.view())));
     if (start?.view) camera.turn(start.view);
-    else if (start?.camera !== undefined) camera.choose(start.camera);
+    else if (start) camera.choose(start.camera ?? 0);
     return { shot, size, camera, others, variant, stand };
   };
   let parts = build(start);

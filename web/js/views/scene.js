@@ -15,6 +15,7 @@ import { offer } from "../news/projects.js";
 import { failedScene } from "../scene/failed-scene.js";
 import { startOfJob } from "../scene/form-start.js";
 import { settingsForm } from "../scene/settings-form.js";
+import { homeCamera } from "../forms/camera-fields.js";
 import { START } from "../forms/view-fields.js";
 import { keepFirstLook, prepareLook } from "../film/first-look.js";
 import { firstFrame } from "../base/shot-words.js";
@@ -81,7 +82,7 @@ export function sceneView(id) {
           if (isFirst && scene.status === "ready") {
             element.classList.add("workspace");
             own.add(() => element.classList.remove("workspace"));
-            fill(element, heading(scene), outline(scene, steps));
+            fill(element, heading(scene), outline(scene, own, steps));
             beginView(() => part === mine && (own.dispose(), open()));
           } else open();
         }
@@ -120,8 +121,21 @@ function heading(scene) {
   );
 }
 
-/** A scene's page before its view: its poster or thumbnail, unless another view is asked for, and the steps of an upload. @param {Scene} scene @param {Steps} steps */
-function outline(scene, steps) {
+/** The form of a scene that is not shown yet, in which nothing can be chosen. @param {Scene} scene @param {Disposer} life @param {HTMLElement | null} status in place of the cost */
+function waitingSide(scene, life, status) {
+  const form = settingsForm(scene, async () => {}, null, false, status);
+  life.add(form.dispose);
+  const isUnknown = scene.status === "preparing" && SETTINGS_FILE.test(scene.main ?? "");
+  return h(
+    "div",
+    { class: "workspace-side" },
+    scene.status === "ready" && warnings(scene),
+    h("section", { class: "panel", "aria-label": t("Render") }, h("fieldset", { class: `not-yet ${isUnknown ? "unknown" : ""}`, disabled: true }, form.element)),
+  );
+}
+
+/** A scene's page before its view: its poster or thumbnail, unless another view is asked for, and the steps of an upload. @param {Scene} scene @param {Disposer} life @param {Steps} steps */
+function outline(scene, life, steps) {
   const { id, thumbnail, defaults } = scene;
   const surface = h("div", { class: "live-view" });
   const isOwnView = !["view", "like", "light"].some((name) => here().params.has(name));
@@ -135,7 +149,7 @@ function outline(scene, steps) {
     "div",
     { class: "workspace-columns" },
     h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, h("div", { class: "live-view-box" }, frame))),
-    h("div", { class: "workspace-side" }),
+    waitingSide(scene, life, null),
   );
 }
 
@@ -155,8 +169,6 @@ function preparing(page, scene, life, steps) {
   const notice = h("div", { class: "notice-slot" });
   const view = preparingView(scene, steps.element);
   const status = h("section", { class: "preparing-panel", "aria-label": t("Preparing") }, chip.element, bar.element, step);
-  const form = settingsForm(draftOf(scene), async () => {}, null, false, status);
-  life.add(form.dispose);
   page.classList.add("workspace");
   life.add(() => page.classList.remove("workspace"));
   life.add(view.dispose);
@@ -171,7 +183,7 @@ function preparing(page, scene, life, steps) {
       "div",
       { class: "workspace-columns" },
       h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, view.element)),
-      h("div", { class: "workspace-side" }, h("section", { class: "panel", "aria-label": t("Render") }, h("fieldset", { class: `not-yet ${SETTINGS_FILE.test(scene.main ?? "") ? "unknown" : ""}`, disabled: true }, form.element))),
+      waitingSide(draftOf(scene), life, status),
     ),
   );
   return (next) => {
@@ -318,6 +330,7 @@ function ready(page, scene, life, steps) {
  * @param {Steps} steps
  */
 function viewOf(scene, form, sides, life, steps) {
+  const home = homeCamera(scene.cameras);
   let written = here().params.get("view");
   const linked = viewFromText(written) ?? takeTurned(scene.id);
   if (linked) form.turn(linked);
@@ -345,7 +358,7 @@ function viewOf(scene, form, sides, life, steps) {
       // An address that changed meanwhile wins; its `hashchange` event may still be queued behind this timer.
       if (here().path.join() !== path || here().params.get("view") !== written) return;
       const { view, camera } = form.request();
-      const isFirst = camera === undefined || camera === 0 || camera === scene.cameras[0]?.name;
+      const isFirst = camera === undefined || camera === home || camera === scene.cameras[home]?.name;
       written = view || !isFirst ? viewToText(view ?? form.view()) : null;
       setParams({ view: written });
     }, 400);
