@@ -339,14 +339,17 @@ def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.n
     """Returns the cameras in the form used by `summarise`.
 
     bounds: (2, 3) corners of all geometry. points: (N, 3) that the camera "auto" frames, unless the scene is a room; without any,
-    it frames the bounds. A camera whose picture, as large as the file says, shows nothing within the bounds has `sees_nothing`.
+    it frames the bounds. A camera whose picture, as large as the file says, shows nothing within the bounds has `sees_nothing`,
+    unless the scene has an environment with light, which it shows.
     """
     automatic = room_view(description, bounds) or frame(points if len(points) else _corners(bounds), description.up)
     cameras = [*_aimed_cameras(description, bounds), Camera(AUTO_CAMERA, automatic)]
     width, height = (
         int(description.defaults.get(name) or usual) for name, usual in zip(("width", "height"), DEFAULT_SIZE, strict=True)
     )
-    return [_camera_dict(camera, _corners(bounds), width / height) for camera in cameras]
+    world = description.environment
+    corners = None if world is not None and world.strength * max(world.color) > 0.0 else _corners(bounds)
+    return [_camera_dict(camera, corners, width / height) for camera in cameras]
 
 
 def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
@@ -362,15 +365,15 @@ def _aimed_cameras(description: SceneDescription, bounds: np.ndarray) -> list[Ca
     ]
 
 
-def _camera_dict(camera: Camera, corners: np.ndarray, aspect: float) -> dict[str, Any]:
+def _camera_dict(camera: Camera, corners: np.ndarray | None, aspect: float) -> dict[str, Any]:
     """Returns a camera as JSON, with `views` if it moves while the shutter is open, and with `sees_nothing` if that is so.
 
-    corners: of the scene's bounds, (8, 3). aspect: width of its picture by its height.
+    corners: of the scene's bounds, (8, 3); None: any camera sees something. aspect: width of its picture by its height.
     """
     found: dict[str, Any] = {"name": camera.name, "view": _view_dict(camera.view)}
     if camera.keys:
         found["views"] = [_view_dict(view) for view in camera.keys]
-    if all(is_out_of_view(corners, view, aspect) for view in (camera.view, *camera.keys)):
+    if corners is not None and all(is_out_of_view(corners, view, aspect) for view in (camera.view, *camera.keys)):
         found["sees_nothing"] = True
     return found
 

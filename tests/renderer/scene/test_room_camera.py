@@ -8,7 +8,7 @@ import pytest
 
 from protocol.contract import home_camera
 from renderer.scene.compile import camera_dicts
-from renderer.scene.description import Camera, Instance, Mesh, SceneDescription
+from renderer.scene.description import Camera, Environment, Instance, Mesh, SceneDescription
 from renderer.scene.room_camera import room_view
 from renderer.settings import View
 from tests.renderer.builders import box
@@ -127,3 +127,7 @@ def test_camera_that_sees_nothing_is_marked(target, more, is_blind):
     assert own.get("sees_nothing", False) is is_blind
     assert "sees_nothing" not in automatic
     assert home_camera([own, automatic]) == int(is_blind)
+    description.environment = Environment()
+    assert "sees_nothing" not in camera_dicts(description, np.array([(-1.0, -1, -1), (1.0, 1, 1)]), corners)[0]
+    description.environment = Environment(strength=0.0)
+    assert camera_dicts(description, np.array([(-1.0, -1, -1), (1.0, 1, 1)]), corners) == [own, automatic]
