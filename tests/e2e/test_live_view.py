@@ -283,7 +283,7 @@ def test_live_view_is_denoised_and_can_show_its_noise(farm: Farm, watched: Watch
     view.page.keyboard.press("ArrowLeft")
     expect(held).to_have_count(1)  # the picture is shown on the mesh, and not the noise of the next one
     expect(view.page.locator(".live-view canvas.mesh")).to_be_visible()
-    expect(view.page.locator(".view-state")).to_have_text("Preview")
+    expect(view.page.locator(".view-state")).to_have_text("Preview, rendering …")
     expect(held).to_have_count(0, timeout=60_000)
     expect(view.surface).to_have_attribute("data-denoised", "true")
     shown = view.number()

@@ -309,8 +309,8 @@ def test_denoised_picture_replaces_the_mesh_once_it_has_enough_samples_itself(no
     assert is_shown(mean=20, shown=2, waited=100) is False
     assert is_shown(mean=20, shown=8, waited=100) is True
     assert is_shown(mean=20, shown=8, share=0.5, waited=100) is False, "it is small"
-    assert is_shown(mean=9, shown=4, waited=9800) is False
-    assert is_shown(mean=9, shown=4, waited=10_100) is True
+    assert is_shown(mean=9, shown=4, waited=2900) is False
+    assert is_shown(mean=9, shown=4, waited=3100) is True
     assert is_shown(mean=9, shown=2, waited=20_000) is False, "the mesh looks better"
     assert is_shown(mean=4, shown=4, waited=100, done=True) is True, "no more samples come"
     assert is_shown(mean=4, shown=1, waited=100, done=True) is False, "the picture of all samples comes"

@@ -19,7 +19,7 @@ const KEY = "rayfarm-view-noise";
  * @param {number} [denoised] samples a pixel of the denoised picture that is shown; 0: the noise is seen
  */
 export function clarity(mean, noise, isDone, isPreview = false, denoised = 0) {
-  if (isPreview) return t("Preview");
+  if (isPreview) return isDone ? t("Preview") : t("Preview, rendering …");
   if (!mean) return t("Waiting for the first samples …");
   const shown = denoised || mean;
   const n = shown < 1 ? Number(shown.toPrecision(1)) : Math.round(shown);

@@ -47,7 +47,7 @@ export const SHARP_SPP = 4;
 /** Samples per pixel from which a denoised picture replaces the sharp preview mesh, which looks better than those of fewer. */
 export const CLEAR_SPP = 8;
 /** Time, in milliseconds, after which SHARP_SPP samples replace it; and after which any replace a kept picture in the same light. */
-const [ROUGH_MS, KEPT_MS] = [10_000, 3000];
+const [ROUGH_MS, KEPT_MS] = [3000, 3000];
 /** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
 const POOR = 0.6;
 
