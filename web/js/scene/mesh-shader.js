@@ -109,6 +109,7 @@ void shadowsAt(vec2 pixel, float depth, float slack, out vec3 missed, out vec4 o
   open /= total;
 }
 #endif
+const float LEAST_REFLECTED = 0.6; // part of the light that a mirror shows where the floor is in shadow
 // missed, open: as shadowsAt. diffuse: irradiance by pi. glossy: radiance. passed: part of the light that the surface does not reflect at once.
 void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, vec3 missed, vec4 open, out vec3 diffuse, out vec3 glossy, out float passed) {
   float nv = clamp(dot(n, v), 1e-3, 1.0);
@@ -124,7 +125,8 @@ void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, vec
   if (max(albedo.r, max(albedo.g, albedo.b)) > 0.0) {
     vec3 light = reflected(mirror, rough);
 #ifdef SHADOWS
-    light = max(light - missedFrom(place, mirror, rough) * smoothstep(0.0, 0.2, -dot(mirror, floorPlane.xyz)), 0.0);
+    // The floor's map lacks what hides the floor, such as a thick plate below a metal: without a bound, its lower half would be black.
+    light = max(light - missedFrom(place, mirror, rough) * smoothstep(0.0, 0.2, -dot(mirror, floorPlane.xyz)), LEAST_REFLECTED * light);
 #endif
     glossy = light * albedo * mix(vec3(1.0), diffuse / max(whole, 1e-6), rough);
   }
