@@ -235,6 +235,29 @@ def test_kept_picture_serves_near_cameras(node: Node) -> None:
     assert 0 < zoomed < 1
 
 
+def test_light_is_prepared_before_a_kept_picture_is_measured(node: Node) -> None:
+    """Preparing the light binds framebuffers, so it must not begin while the mesh is drawn into that of the kept picture."""
+    body = """
+        globalThis.devicePixelRatio = 1;
+        const calls = [];
+        const note = (name) => ({ value: () => void calls.push(name) });
+        const gl = new Proxy({}, { get: (_, name) => (name === "isContextLost" ? () => false : () => {}) });
+        const kept = { distance: () => a.distance, measure: () => calls.push("measure"), drawBehind() {} };
+        const canvas = Object.create(m.MeshCanvas.prototype, {
+            gl: { value: gl },
+            kept: { value: kept },
+            canvas: { value: { clientWidth: 4, clientHeight: 3, dataset: {} } },
+            mesh: { value: { low: [0, 0, 0], high: [1, 1, 1], triangles: 1 } },
+            view: { value: a.view },
+            prepareLight: note("light"),
+            drawMesh: note("mesh"),
+        });
+        canvas.draw();
+        return calls;"""
+    assert node.call("scene/mesh-canvas", body, {"view": VIEW, "distance": 0.1}) == ["light", "measure", "mesh"]
+    assert node.call("scene/mesh-canvas", body, {"view": VIEW, "distance": 0}) == [], "the picture's own camera needs no mesh"
+
+
 def test_reading_is_given_up_when_it_takes_long_or_the_service_refuses(node: Node) -> None:
     """The service's mesh does not wait for the page's own, and the worker ends."""
     mesh = triangle()

@@ -232,7 +232,10 @@ export class MeshCanvas {
     const aspect = width / height;
     const { kept } = this;
     const isSame = kept?.distance(view) === 0;
-    if (kept && !isSame) kept.measure(mesh, (toClip, from) => this.drawMesh(toClip, mesh, from, null, null));
+    if (kept && !isSame) {
+      this.prepareLight(mesh); // not while the mesh is measured: it binds other framebuffers
+      kept.measure(mesh, (toClip, from) => this.drawMesh(toClip, mesh, from, null, null));
+    }
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
