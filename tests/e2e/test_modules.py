@@ -29,7 +29,7 @@ def test_shader_tone_mapping_equals_python(looks: str, page: Page) -> None:
     mount = """
         const view = new m.FilmView(a.width, a.height, { cursor() {}, moved() {} });
         document.body.replaceChildren(view.element);
-        Object.assign(document.body.style, { margin: 0, whiteSpace: "normal" });
+        Object.assign(document.body.style, { margin: 0, height: "100vh", whiteSpace: "normal" });
         Object.assign(view.element.style, { position: "fixed", inset: 0 });
         for (const canvas of view.element.children) canvas.style.position = "absolute";
         const { Film } = await import("/js/film/film.js");
