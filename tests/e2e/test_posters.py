@@ -31,9 +31,10 @@ FIRST = """() => new Promise((done) => {
     look();
 })"""
 
+# The words over the view count the samples of the denoised picture that is shown; the view may have more.
 SETTLED = """() => {
-    const { samples, denoised } = document.querySelector('.live-view')?.dataset ?? {};
-    return Number(samples) >= 16 && denoised === 'true';
+    const words = document.querySelector('.view-state')?.textContent ?? "";
+    return parseInt(words) >= 16 && words.includes("denoised");
 }"""
 
 
