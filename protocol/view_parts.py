@@ -151,8 +151,8 @@ class ViewDenoise:
     """Request to denoise a live view's picture of width x height pixels.
 
     The worker downloads it from /api/farm/views/{message}: mean colour, albedo and normal, one after another, each
-    (height, width, 3) float32 little-endian. has_clean_guides: whether albedo and normal are of so many samples that the filter
-    takes them as free of noise.
+    (height, width, 3) float32 little-endian. has_clean_guides: whether albedo and normal have enough samples to be
+    treated as free of noise.
     """
 
     message: str

@@ -16,7 +16,7 @@ __all__ = ["Used", "architectures", "assembled", "find_assembler", "over_budget"
 
 
 class Used(NamedTuple):
-    """What a thread of a kernel uses: bytes of its stack, bytes of spilled registers, and registers."""
+    """Resources of a kernel's thread: bytes of stack, bytes of spilled registers, and number of registers."""
 
     stack: int
     spills: int

@@ -36,7 +36,7 @@ export function sideChoice(letter, state, { picture: job, channel, at }, moments
   const showReference = keyedList(uploaded, ({ id }) => id, referenceOption);
   const steps = h("select", {
     "aria-label": t("Moment of {letter}", { letter }),
-    title: t("As it is now, or as it was at so many samples per pixel"),
+    title: t("The picture now, or at an earlier number of samples per pixel"),
     onchange: () => state.update((now) => ({ ...now, [at]: steps.value ? Number(steps.value) : null })),
   });
   let shownSteps = "";

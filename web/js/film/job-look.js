@@ -16,7 +16,7 @@ export function lookOfJob(job) {
   return { ...(exposure !== 0 && { exposure }), ...(curve !== DEFAULT_CURVE && { tonemap: curve }) };
 }
 
-/** Least width, in pixels, of the pictures of cards and rows: twice a card's where the screen has so many pixels. */
+/** Least width, in pixels, of the pictures of cards and rows; larger on screens with several device pixels per CSS pixel. */
 export const CARD_WIDTH = devicePixelRatio > 1 ? 640 : 480;
 
 /** Returns the URL of a job's picture on a card or in a row. @param {import("../base/types.js").Job} job */

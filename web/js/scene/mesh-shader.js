@@ -136,7 +136,7 @@ void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, vec
   passed = (1.0 - metal) * (1.0 - max(albedo.r, max(albedo.g, albedo.b)));
 }`;
 
-export const ATTRIBUTES = `
+const ATTRIBUTES = `
 uniform mat4 toClip;
 layout(location = ${PLACES.share}) in vec3 share;
 layout(location = ${PLACES.normal}) in vec3 normal;
@@ -145,7 +145,7 @@ layout(location = ${PLACES.uv}) in vec2 uv;
 out vec3 place;
 out vec4 shown;
 out vec2 texel;`;
-export const PLACE = `
+const PLACE = `
   texel = uv;
   place = (share - 0.5) * extent;
   shown = color;

@@ -1,21 +1,11 @@
 /** The shaders of a preview mesh's shadows: maps of depth from the light, and how much of the light each pixel misses. */
 
 import { FLOOR_MAP_GLSL } from "./mesh-floor-shader.js";
-import { ATTRIBUTES, PLACE } from "./mesh-shader.js";
 
 /** Tiles of a batch: each is the depth of the scene seen from one direction. */
 export const [ACROSS, TILES] = [4, 16];
 /** Tiles of the lamps at most: six around each. */
 export const MOST_LAMP_TILES = 24;
-
-export const DEPTH_VERTEX = `#version 300 es
-uniform vec3 extent;
-${ATTRIBUTES}
-out vec3 facing;
-void main() {
-  ${PLACE}
-  facing = normal;
-}`;
 
 const HIDDEN_GLSL = `
 uniform sampler2D image;

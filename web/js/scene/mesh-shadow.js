@@ -8,7 +8,8 @@
 import { irradianceAt } from "./mesh-environment.js";
 import { FLOOR_TEXELS } from "./mesh-floor-shader.js";
 import { lightSamples } from "./mesh-light-samples.js";
-import { ACROSS, DEPTH_FRAGMENT, DEPTH_VERTEX, GATHER_FRAGMENT, GATHER_VERTEX, LAMPS_FRAGMENT, MOST_LAMP_TILES, NORMAL_FRAGMENT, TILES } from "./mesh-shadow-shader.js";
+import { VERTEX } from "./mesh-shader.js";
+import { ACROSS, DEPTH_FRAGMENT, GATHER_FRAGMENT, GATHER_VERTEX, LAMPS_FRAGMENT, MOST_LAMP_TILES, NORMAL_FRAGMENT, TILES } from "./mesh-shadow-shader.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../news/mesh-packet.js").Lamp} Lamp */
@@ -169,7 +170,7 @@ export class MeshShadows {
     this.gathered = 0;
     this.lampsGathered = !this.lampTiles.length;
     const { seen } = this;
-    const linked = this.program(DEPTH_VERTEX, NORMAL_FRAGMENT);
+    const linked = this.program(VERTEX, NORMAL_FRAGMENT);
     if (!seen || !linked || !this.kept) return;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.kept.frame);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, seen.normal, 0);
@@ -246,7 +247,7 @@ export class MeshShadows {
   /** Draws what lies on the floor, as it is seen from above. */
   drawBase() {
     const { gl, kept, subject } = this;
-    const linked = this.program(DEPTH_VERTEX, DEPTH_FRAGMENT);
+    const linked = this.program(VERTEX, DEPTH_FRAGMENT);
     if (!kept || !subject || !linked) return;
     const { above, height, floorX, floorY } = floorMap(subject);
     const thick = BASE * radiusOf(subject.mesh);
@@ -268,7 +269,7 @@ export class MeshShadows {
   /** Draws the depth of the scene as it is seen from further directions. @param {number} count */
   drawTiles(count) {
     const { gl, kept } = this;
-    const linked = this.program(DEPTH_VERTEX, DEPTH_FRAGMENT);
+    const linked = this.program(VERTEX, DEPTH_FRAGMENT);
     if (!kept || !linked) return;
     gl.bindFramebuffer(gl.FRAMEBUFFER, kept.frame);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, null, 0);
@@ -340,7 +341,7 @@ export class MeshShadows {
     const across = Math.ceil(Math.sqrt(lampTiles.length));
     const side = Math.floor(LAMP_MAP / across);
     if (!this.lampsDrawn) {
-      const linked = this.program(DEPTH_VERTEX, DEPTH_FRAGMENT);
+      const linked = this.program(VERTEX, DEPTH_FRAGMENT);
       if (!linked) return;
       gl.bindFramebuffer(gl.FRAMEBUFFER, kept.frame);
       gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, null, 0);
