@@ -98,14 +98,15 @@ class ViewParts:
     on_card: bool = False  # whether the slot's graphics card renders them; if it cannot, they are declined
     draft: float | None = None  # exposure, in stops, of the draft that answers the only part; None: sums answer the parts
     is_smooth: bool = False  # whether the draft is smoothed (renderer/kernel/draft.py)
+    needs_kernel: bool = False  # whether they are declined if the kernel would have to be compiled
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the message as JSON data for Celery; without guides, card and draft, as in earlier releases."""
+        """Returns the message as JSON data for Celery; without guides, card, draft and kernel, as in earlier releases."""
         parts = [[part.number, list(part.tile), part.first, part.count] for part in self.parts]
         fields = {
             name: value
             for name, value in vars(self).items()
-            if value is not None and (value or name not in ("has_guides", "on_card", "is_smooth"))
+            if value is not None and (value or name not in ("has_guides", "on_card", "is_smooth", "needs_kernel"))
         }
         return {**fields, "settings": self.settings.to_json(), "parts": parts}
 
@@ -121,6 +122,7 @@ class ViewParts:
             on_card=bool(data.get("on_card")),
             draft=None if data.get("draft") is None else float(data["draft"]),
             is_smooth=bool(data.get("is_smooth")),
+            needs_kernel=bool(data.get("needs_kernel")),
         )
 
 
@@ -184,7 +186,8 @@ class ViewAnswer:
                (DraftHead). Its slot sends neither `begun` nor `over`
     frame      a frame is prepared: frame, info (FrameInfo)
     declined   the slot's graphics card does not render the parts, so CPU slots must. is_loading: it loads the scene for later
-               messages, and ends this one with `over`. Otherwise error: why it cannot, which ends the message
+               messages, and ends this one with `over`. Otherwise error: why it cannot, which ends the message. Of a message with
+               `needs_kernel` to a CPU slot: the kernel would have to be compiled
     denoised   the picture is denoised, with its RGB9E5 words attached, rows from the top
     over       the message is finished: every part is answered or outdated
     failed     the message cannot be processed: error (a sentence)

@@ -46,6 +46,8 @@ from service.store.kernels import KernelStore
 from service.store.models import FINAL_STATES, Job
 from service.store.reserve import Reserve
 from service.viewing.explaining import PixelExplainer
+from service.viewing.idle_posters import IdlePosters
+from service.viewing.poster_store import PosterStore
 from service.viewing.posters import Posters
 from service.viewing.presence import SceneVisitors
 from service.viewing.view_scheduler import ViewScheduler
@@ -122,9 +124,9 @@ class Farm:
             viewing=(self.views, self.explaining),
         )
         self.lighting = Lighting(self.sessions, self.garbage, self.events)
-        self.posters = Posters(
-            self.sessions, self.blobs, self.garbage, self.views, board, self.events, renders=settings.idle_posters
-        )
+        store, stopping = PosterStore(self.sessions, self.blobs, self.garbage, board, self.events), threading.Event()
+        idle = IdlePosters(self.sessions, store, self.views, board, self.events, stopping) if settings.idle_posters else None
+        self.posters = Posters(store, self.views, stopping, idle)
         self.reuse = SampleReuse(self.sessions, self.films, board, settings.data, settings.min_free_bytes)
         usual = Limits(settings.quota_bytes, settings.quota_jobs, settings.quota_samples_day)
         self.quotas = Quotas(self.sessions, usual, self.films.size)

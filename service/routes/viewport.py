@@ -103,8 +103,7 @@ async def viewport(socket: WebSocket, id: str, farm: FarmDependency, visit: Visi
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
-        farm.posters.take(viewer.session)
-        farm.views.close_session(viewer.session)
+        farm.posters.end_session(viewer.session)
         farm.visitors.leave(viewer.person)
         try:
             for task in tasks:

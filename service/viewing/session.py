@@ -25,7 +25,7 @@ from renderer.settings import RenderSettings
 from service.viewing.canvas import Canvas
 from service.viewing.denoised import DenoisedView
 from service.viewing.passes import GUIDES_AFTER, DraftSize, Passes, Piece, levels_of
-from service.viewing.view_request import ViewRequest
+from service.viewing.view_request import ViewRequest, view_key
 
 __all__ = ["SettledPicture", "ViewSession"]
 
@@ -38,26 +38,36 @@ MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
 
 
 class SettledPicture(NamedTuple):
-    """A picture of a scene's home view that a page may show later. scene: id of the uploaded scene. color: (h, w, 3), linear."""
+    """A picture of a scene's home view that a page may show later.
+
+    scene: id of the uploaded scene. color: (h, w, 3), linear. kind: of the workers that rendered it. view: `view_key` of what it
+    shows.
+    """
 
     scene: str
     color: npt.NDArray[np.float32]
     samples: float  # per pixel, on average
     is_denoised: bool
+    kind: str
+    view: str
 
 
 class ViewSession:
     """State of a live view that a page shows over one WebSocket. The route creates it and passes it to the view scheduler."""
 
-    def __init__(self, wake: Callable[[], None]) -> None:
+    def __init__(self, wake: Callable[[], None], *, compiles: bool = True) -> None:
         """Creates a session without a view.
 
-        wake: called in the scheduler's thread when there is a message or a picture to send.
+        wake: called in the scheduler's thread when there is a message or a picture to send. compiles: whether workers compile the
+        view's kernel if they have none; otherwise such a view fails with `lacks_kernel`.
         """
         self.id = uuid.uuid4().hex[:16]
         self.wake = wake
         self.is_paused = False
         self.is_closed = False
+        self.is_ending = False  # whether its page was left, and only its last picture is still denoised
+        self.compiles = compiles
+        self.lacks_kernel = False
         self.wanted: ViewRequest | None = None
         self.request: ViewRequest | None = None  # being rendered
         self.view = 0  # number of the view
@@ -169,6 +179,21 @@ class ViewSession:
             ]
             self._denoised = DenoisedView(max(self._whole_draft_samples, 1), keeps=self.request.is_home) if denoises else None
 
+    def end_sampling(self) -> None:
+        """Ends the view with the samples that it has, which are denoised a last time: its page was left."""
+        with self._lock:
+            self.is_ending, self.is_paused = True, False
+            self.passes, self.wanted, self.wake = None, None, lambda: None
+
+    def awaits_denoising(self, min_samples: float) -> bool:
+        """Returns True if a home view has this many samples per pixel but no denoised picture with as many, and will have one."""
+        with self._lock:
+            if self.request is None or not self.request.is_home or self._denoised is None or not self._canvases:
+                return False
+            kept = self._denoised.kept
+            has_samples = self._canvases[-1].samples > 0 and self._canvases[-1].mean_samples >= min_samples
+            return has_samples and (kept is None or kept[1] < min_samples) and self.error is None
+
     def settings_of(self, piece: Piece) -> RenderSettings:
         """Returns the render settings of a piece: those of the view, with its level's size; a guide's have depth 1."""
         assert self.settings is not None
@@ -209,8 +234,9 @@ class ViewSession:
                 return None
             last = len(self._canvases) - 1
             canvas = self._canvases[last]
-            awaits_guides = canvas.mean_samples >= GUIDES_AFTER and not canvas.has_all_guides and not canvas.is_complete
-            if not awaits_guides and self._denoised.is_due(canvas.samples, canvas.mean_samples, canvas.is_complete):
+            is_complete = canvas.is_complete or self.is_ending
+            awaits_guides = canvas.mean_samples >= GUIDES_AFTER and not canvas.has_all_guides and not is_complete
+            if not awaits_guides and self._denoised.is_due(canvas.samples, canvas.mean_samples, is_complete):
                 self._denoised.begin(*canvas.means(), canvas.mean_samples, last)
                 return canvas.level.width, canvas.level.height, canvas.has_all_guides
             for level in range(last - 1, -1, -1):
@@ -280,18 +306,16 @@ class ViewSession:
                 return None
             if not self._canvases or self.settings is None or self.settings.is_transparent:
                 return None
-            if self._denoised is not None:
-                kept = self._denoised.kept
-                if kept is None or kept[1] < min_denoised:
-                    return None
-                words, samples = kept
-            else:
+            about = self.kind, view_key(self.request)
+            if self._denoised is None:
                 canvas = self._canvases[-1]
                 if canvas.samples < min_samples and not canvas.is_complete:
                     return None
-                return SettledPicture(self.request.upload, canvas.mean_color(), canvas.mean_samples, False)
-            upload = self.request.upload
-        return SettledPicture(upload, rgbe9995.unpack(words), samples, True)
+                return SettledPicture(self.request.upload, canvas.mean_color(), canvas.mean_samples, False, *about)
+            if self._denoised.kept is None or self._denoised.kept[1] < min_denoised:
+                return None
+            upload, (words, samples) = self.request.upload, self._denoised.kept
+        return SettledPicture(upload, rgbe9995.unpack(words), samples, True, *about)
 
     @property
     def denoised_samples(self) -> float | None:

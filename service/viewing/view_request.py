@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from dataclasses import asdict, dataclass, replace
@@ -19,7 +20,17 @@ from service.intake.resolve import frame_settings, resolve
 from service.models.jobs import JobIn
 from service.store.models import Job, Scene
 
-__all__ = ["MAX_PIXELS", "MAX_SAMPLES", "FrameRequest", "ViewRequest", "home_view", "move_view", "resolve_view", "shows_home"]
+__all__ = [
+    "MAX_PIXELS",
+    "MAX_SAMPLES",
+    "FrameRequest",
+    "ViewRequest",
+    "home_view",
+    "move_view",
+    "resolve_view",
+    "shows_home",
+    "view_key",
+]
 
 MAX_PIXELS = 1 << 21  # the sums of a view are held in memory
 MAX_SAMPLES = 256
@@ -158,6 +169,16 @@ def shows_home(view: ViewRequest, scene: Scene) -> bool:
     error = shown.width * home.height / (shown.height * home.width) - 1.0
     is_same = _what_is_seen(shown) == _what_is_seen(home) and _frame(view) == _frame(own)
     return is_same and abs(error) <= MAX_ASPECT_ERROR + 1.0 / min(shown.width, shown.height)
+
+
+def view_key(view: ViewRequest) -> str:
+    """Returns a hash of what a view shows, which its size, samples and noise do not change.
+
+    Equal for a scene's `home_view` and all views for which `shows_home` is true.
+    """
+    frame = _frame(view)
+    seen = [_what_is_seen(view.settings).to_json(), asdict(frame) if frame else None]
+    return hashlib.sha256(json.dumps(seen, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _what_is_seen(settings: RenderSettings) -> RenderSettings:

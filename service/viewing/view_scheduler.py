@@ -160,6 +160,16 @@ class ViewScheduler:
 
         self._queue_order(set_paused)
 
+    def end_sampling(self, session: ViewSession) -> None:
+        """Renders no more samples of a session's view, whose page was left. Those that it has are denoised once more."""
+
+        def end_sampling() -> None:
+            self._withdraw_messages(session, keeps_denoising=True)
+            session.end_sampling()
+            self._redis.set(view_key(session.id), session.view, ex=KEY_TTL_S)
+
+        self._queue_order(end_sampling)
+
     def close_session(self, session: ViewSession) -> None:
         """Ends a session and discards its view."""
         session.is_closed = True
@@ -221,7 +231,7 @@ class ViewScheduler:
     def _switch_view(self, session: ViewSession) -> None:
         """Switches a session to the view that it has requested, if there is one and the current view may be replaced.
 
-        Then selects the workers, the compiled scene and the settings, unless the session has them already.
+        Then begins to render that view, unless it has begun already or cannot be rendered.
         """
         if session.is_ready_for_next and session.wanted is not None:
             self._withdraw_messages(session)
@@ -231,36 +241,39 @@ class ViewScheduler:
                 self._unfit.remove_owner(session.id)
             session.switch_to(session.wanted, self._views)
             self._redis.set(view_key(session.id), session.view, ex=KEY_TTL_S)
-        if session.request is None or session.settings is not None or session.error is not None or session.is_paused:
-            return
-        kind = self._workers.best_kind(session.request)
+        has_begun = session.settings is not None or session.error is not None
+        if session.request is not None and not (has_begun or session.is_paused or session.is_ending):
+            self._begin_view(session, session.request)
+
+    def _begin_view(self, session: ViewSession, request: ViewRequest) -> None:
+        """Selects the workers that render a session's view, and its compiled scene and settings; or sets why it must wait."""
+        kind = self._workers.best_kind(request)
         if kind is None:
-            self._set_message(session, self._workers.unavailable_reason(session.request))
+            self._set_message(session, self._workers.unavailable_reason(request))
             return
-        frame_request, base = session.request.frame_request, session.request.compiled[kind]
-        settings, compiled = session.request.settings, base
-        if frame_request is not None:
-            info = self._frame_cache.get(frame_request.cache_key(session.request.scene, base))
+        settings, compiled = request.settings, request.compiled[kind]
+        if request.frame_request is not None:
+            info = self._frame_cache.get(request.frame_request.cache_key(request.scene, compiled))
             if info is None:
                 self._send_frame(session, kind)
                 return
             try:
-                settings = session.request.settings_at_frame(info)
+                settings = request.settings_at_frame(info)
             except SettingsError as error:
                 self._fail_session(session, with_full_stop(error))
                 return
-            compiled = info.compiled.sha256 if info.compiled else base
-        denoises = bool(session.request.job_request.get("denoise")) and self._workers.can_denoise(kind)
+            compiled = info.compiled.sha256 if info.compiled else compiled
+        denoises = bool(request.job_request.get("denoise")) and self._workers.can_denoise(kind)
         if not fits_in_memory(settings.width * settings.height * (2 if denoises else 1), self._sessions.values()):
             self._set_message(session, MEMORY_LIMIT_REACHED)
             return
-        slots, cost_s = self._workers.slots(kind), self._costs.estimate(session.request, kind, self._board.roster)
-        card_rate = self._cards.rate(session.request, kind, compiled, settings)
+        slots, cost_s = self._workers.slots(kind), self._costs.estimate(request, kind, self._board.roster)
+        card_rate = self._cards.rate(request, kind, compiled, settings)
         draft = None
-        if session.request.draft_exposure is not None:
-            draft_cost_s = self._cards.draft_cost_s(session.request, kind, compiled, settings)
+        if request.draft_exposure is not None:
+            draft_cost_s = self._cards.draft_cost_s(request, kind, compiled, settings)
             if draft_cost_s is not None:
-                draft = draft_size(settings.width, settings.height, session.request.samples, draft_cost_s)
+                draft = draft_size(settings.width, settings.height, request.samples, draft_cost_s)
         session.begin_rendering(settings, compiled, kind, cost_s, slots, denoises, card_rate, draft)
         self._set_message(session, None, slots)
 
@@ -289,7 +302,9 @@ class ViewScheduler:
             out = PendingMessage(session, session.view, session.kind, dict(enumerate(pieces)), queue=queue, card=card)
             settings = session.settings_of(pieces[0])
             about = (out.id, session.id, session.view, session.compiled)
-            self._send(out, ViewParts(*about, settings, parts, has_guides=session.needs_guides(pieces), on_card=bool(card)))
+            has_guides = session.needs_guides(pieces)
+            more = {"has_guides": has_guides, "on_card": bool(card), "needs_kernel": not session.compiles}
+            self._send(out, ViewParts(*about, settings, parts, **more))
 
     def _next_pieces(self, session: ViewSession) -> tuple[list[Piece], str]:
         """Returns the pieces of a session's next message, and the worker whose graphics card is to render them ("": a CPU slot).
@@ -398,9 +413,9 @@ class ViewScheduler:
         out = PendingMessage(session, session.view, session.kind, pick=(x, y))
         self._send(out, pick_message(session, out.id, x, y))
 
-    def _withdraw_messages(self, session: ViewSession) -> None:
+    def _withdraw_messages(self, session: ViewSession, *, keeps_denoising: bool = False) -> None:
         """Takes back a session's messages that are not completely answered. Results that still arrive are discarded."""
-        gone = [out for out in self._out.values() if out.session is session]
+        gone = [out for out in self._out.values() if out.session is session and not (keeps_denoising and out.denoises)]
         for out in gone:
             del self._out[out.id]
             out.requeue()
@@ -454,6 +469,9 @@ class ViewScheduler:
                 self._end_message(out)
             case "declined" | "failed" | "returned" if out.card:
                 self._handle_declined(out, answer)
+            case "declined":
+                session.lacks_kernel = True
+                self._fail_session(session, f"{answer.worker} would have to compile its kernel")
             case "failed" if out.denoises:
                 log.info("%s cannot denoise a view: %s", answer.worker, answer.more.get("error"))
                 self._out.pop(out.id, None)

@@ -465,6 +465,8 @@ class PeerWorker:
     def _denoise_view(self, work: ViewDenoise) -> None:
         """Answers a request to denoise a view's picture: half the colour plus albedo and normal, as of a frame."""
         self._tell(work, "begun")
+        self.current = {"view": work.watch, "message": work.message}
+        self.report()
         try:
             means = self.http.get(f"/api/farm/views/{work.message}").raise_for_status()
             self.on_denoise(work.watch)
@@ -474,6 +476,8 @@ class PeerWorker:
             self._tell(work, "over")
         except (ValueError, httpx.HTTPError) as error:
             self._tell(work, "failed", error=str(error))
+        finally:
+            self.current = {}
 
     def _tell(self, work: ViewParts | ViewFrame | ViewDenoise, type: str, sums: bytes = b"", **more: Any) -> None:
         if not self._stop.is_set():

@@ -9,12 +9,21 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from renderer import jit
+from renderer.kernel.accumulate import samples_guide
 from renderer.render import PLAIN, kernel_name, pilot_kernel_name, warm_up, warm_up_pilot
 from renderer.settings import RenderSettings
+from renderer.shipped_kernels import copy_shipped_kernels
 from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
 from worker.exchange.link import Link
 
-__all__ = ["fetch_or_compile", "load_or_fetch_kernel", "make_kernel_ready", "make_pilot_ready", "pilot_readiness"]
+__all__ = [
+    "fetch_or_compile",
+    "has_kernels",
+    "load_or_fetch_kernel",
+    "make_kernel_ready",
+    "make_pilot_ready",
+    "pilot_readiness",
+]
 
 _log = logging.getLogger("worker")
 
@@ -29,6 +38,18 @@ def load_or_fetch_kernel(link: Link) -> bool:
     if is_fetched:
         fetch_or_compile(link)
     return is_fetched
+
+
+def has_kernels(link: Link, settings: RenderSettings, variant: str) -> bool:
+    """Returns True if nothing has to be compiled to render with these settings and this variant.
+
+    Downloads the kernels that the farm has and this machine lacks.
+    """
+    names = [kernel_name(settings, variant), *([pilot_kernel_name(variant)] if samples_guide(settings) else [])]
+    folder = jit.cache_folder()
+    if not all(map(jit.is_cached, names)):
+        copy_shipped_kernels(folder)
+    return all(jit.is_cached(name) or fetch_kernel(link, folder, name)[0] for name in names)
 
 
 def make_kernel_ready(link: Link, settings: RenderSettings | None = None, variant: str = PLAIN) -> None:

@@ -26,7 +26,7 @@ from renderer.film import ALBEDO, COLOR, NORMAL, SAMPLES, Sums, alpha_plane
 from renderer.render import is_warm, render_batch, settings_as_rendered, variant_for
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError
-from worker.exchange.ready import make_kernel_ready, pilot_readiness
+from worker.exchange.ready import has_kernels, make_kernel_ready, pilot_readiness
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.work.frames import prepare_frames
@@ -81,6 +81,9 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
     try:
         scene = retry_temporary(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
         variant = variant_for(work.settings, scene)
+        if work.needs_kernel and not has_kernels(worker.link, work.settings, variant):
+            answering.send("declined")
+            return 0.0
         kernel = settings_as_rendered(work.settings, scene, pilot_readiness(worker.link, compiling))
         if not is_warm(kernel, variant):
             compiling(True)

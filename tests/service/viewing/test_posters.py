@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import threading
 import time
 from types import SimpleNamespace
 from typing import Any
@@ -13,24 +14,33 @@ import pytest
 from PIL import Image
 
 from protocol.contract import BlobRef
-from service.events import Events
 from service.jobs.lookup import find_scene
 from service.store.models import Scene
-from service.viewing.posters import MAX_TAKEN, MIN_PIXELS, Posters, _lacks_poster, encode_poster, is_better
+from service.viewing.poster_choice import (
+    MIN_PIXELS,
+    Poster,
+    is_better,
+    is_outdated,
+    is_worth_rendering,
+    poster_of,
+    renderer_of,
+)
+from service.viewing.poster_store import encode_poster
+from service.viewing.posters import MAX_ENDING, MAX_TAKEN, Posters
 from service.viewing.session import SettledPicture
-from service.viewing.view_request import HOME_PIXELS, home_view, resolve_view, shows_home
+from service.viewing.view_request import HOME_PIXELS, home_view, resolve_view, shows_home, view_key
 from tests.service.conftest import OBJ, Service, until
 from tests.service.viewer import look
 
 FLAT = np.full((54, 96, 3), 0.5, np.float32)
 
 
-def poster(samples: float, width: int = 1280, denoised: bool = True) -> dict[str, Any]:
-    return {"width": width, "height": width * 9 // 16, "samples": samples, "denoised": denoised}
+def poster(samples: float, width: int = 1280, denoised: bool = True) -> Poster:
+    return Poster(width, width * 9 // 16, samples, denoised, "0.2.0-3fa9c1d2", "a view")
 
 
-def picture(scene: str, samples: float, color: np.ndarray = FLAT) -> SettledPicture:
-    return SettledPicture(scene, color, samples, True)
+def picture(scene: Scene, samples: float, color: np.ndarray = FLAT, kind: str = "test-kind") -> SettledPicture:
+    return SettledPicture(scene.id, color, samples, True, kind, view_key(home_view(scene)))
 
 
 def shown(data: bytes) -> np.ndarray:
@@ -38,8 +48,8 @@ def shown(data: bytes) -> np.ndarray:
 
 
 def test_poster_is_bounded_whatever_it_shows(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.viewing.posters.MAX_PIXELS", 1 << 16)
-    monkeypatch.setattr("service.viewing.posters.MAX_BYTES", 1 << 15)
+    monkeypatch.setattr("service.viewing.poster_store.MAX_PIXELS", 1 << 16)
+    monkeypatch.setattr("service.viewing.poster_store.MAX_BYTES", 1 << 15)
     noise = np.random.default_rng(3).random((300, 540, 3), np.float32)
     data = encode_poster(noise)
     height, width = shown(data).shape[:2]
@@ -68,7 +78,7 @@ def test_poster_of_dark_picture_is_exposed_by_what_it_shows() -> None:
     ],
     ids=str,
 )
-def test_poster_is_replaced_only_by_a_better_one(made: dict[str, Any], present: dict[str, Any] | None, replaces: bool) -> None:
+def test_poster_is_replaced_only_by_a_better_one(made: Poster, present: Poster | None, replaces: bool) -> None:
     assert is_better(made, present) is replaces
 
 
@@ -83,18 +93,95 @@ def test_poster_is_replaced_only_by_a_better_one(made: dict[str, Any], present: 
     ],
     ids=str,
 )
-def test_poster_is_rendered_only_if_it_would_be_stored(present: dict[str, Any] | None, lacks: bool) -> None:
+def test_poster_is_rendered_only_if_it_would_be_stored(present: Poster | None, lacks: bool) -> None:
     """Otherwise each start of the service would render it again."""
-    assert _lacks_poster(Scene(info={"poster": present})) is lacks
+    assert is_worth_rendering(present) is lacks
+
+
+def test_poster_of_another_renderer_or_another_view_is_outdated() -> None:
+    now, kind = poster(16), "0.2.0-3fa9c1d2-x86-64-v3"
+    assert renderer_of(kind) == now.renderer == renderer_of("0.2.0-3fa9c1d2-arm64")
+    assert not is_outdated(now, "a view", {renderer_of(kind), "0.1.0-11111111"})
+    assert not is_outdated(now, "a view", set()), "without workers there is no other renderer"
+    assert is_outdated(now, "a view", {"0.3.0-22222222"})
+    assert is_outdated(now, "the view of other settings", {renderer_of(kind)})
+    stored = {"width": 96, "height": 54, "samples": 16, "denoised": True, "sha256": "0" * 64, "size": 1}
+    earlier = poster_of(Scene(info={"poster": stored}))
+    assert earlier is not None and is_outdated(earlier, "a view", set()), "an earlier release did not record what it shows"
+    assert poster_of(Scene(info={"poster": {"width": 96}})) is None is poster_of(Scene(info=None))
+
+
+def session(**more: Any) -> Any:
+    usual = {"id": "s", "view": 1, "mean_samples": 16.0, "error": None, "awaits_denoising": lambda least: False}
+    settled = SettledPicture("a scene", FLAT, 16, True, "test-kind", "a view")
+    return SimpleNamespace(**{**usual, "settled_picture": lambda *least: settled, **more})
+
+
+class Views:
+    """Sessions of a view scheduler that renders nothing."""
+
+    def __init__(self) -> None:
+        self.ending: list[Any] = []
+        self.closed: list[Any] = []
+
+    def sessions(self) -> list[Any]:
+        return []
+
+    def end_sampling(self, session: Any) -> None:
+        self.ending.append(session)
+
+    def close_session(self, session: Any) -> None:
+        self.closed.append(session)
+
+
+class Store:
+    """Store that keeps pictures in a list."""
+
+    def __init__(self) -> None:
+        self.stored: list[SettledPicture] = []
+
+    def store(self, picture: SettledPicture) -> bool:
+        self.stored.append(picture)
+        return True
 
 
 def test_pictures_of_closed_views_wait_in_bounded_memory() -> None:
+    views: Any = Views()
     nothing: Any = None
-    posters = Posters(nothing, nothing, nothing, nothing, nothing, Events())
-    session: Any = SimpleNamespace(id="s", view=1, mean_samples=16.0, settled_picture=lambda *_: picture("a scene", 16))
+    posters = Posters(nothing, views, threading.Event())
     for _ in range(3 * MAX_TAKEN):
-        posters.take(session)
-    assert posters._taken.qsize() == MAX_TAKEN
+        posters.end_session(session())
+    assert posters._taken.qsize() == MAX_TAKEN and len(views.closed) == 3 * MAX_TAKEN
+    posters.stop()
+
+
+def test_view_that_is_left_before_it_is_denoised_leaves_its_poster_afterwards() -> None:
+    views: Any = Views()
+    store: Any = Store()
+    posters = Posters(store, views, threading.Event())
+    waits = [True]
+    settled = session().settled_picture
+    more = {"awaits_denoising": lambda least: waits[0], "settled_picture": lambda *least: None if waits[0] else settled()}
+    left = [session(**more) for _ in range(MAX_ENDING + 1)]
+    for each in left:
+        posters.end_session(each)
+    assert views.ending == left[:-1] and views.closed == left[-1:], "no more are kept open"
+    posters.start()
+    time.sleep(0.1)
+    assert not store.stored and len(views.closed) == 1
+    waits[0] = False
+    until(lambda: len(views.closed) == len(left), "they are closed")
+    assert len(store.stored) == MAX_ENDING
+    posters.stop()
+
+
+def test_view_that_is_left_is_not_kept_open_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("service.viewing.posters.ENDING_S", 0.1)
+    views: Any = Views()
+    posters = Posters(Store(), views, threading.Event())  # type: ignore[arg-type]
+    posters.end_session(session(awaits_denoising=lambda least: True))
+    posters.start()
+    until(lambda: len(views.closed) == 1, "it is closed")
     posters.stop()
 
 
@@ -143,43 +230,72 @@ def test_view_that_was_open_leaves_poster_in_its_scene(service: Service) -> None
         assert service.http.get(f"/api/scenes/{scene}/poster.jpg").content == answer.content
 
 
+def test_view_left_while_it_is_denoised_leaves_poster_and_closes(service: Service) -> None:
+    """Denoising takes seconds on a busy machine: a page that was left before would leave no poster."""
+    may_end = threading.Event()
+    with service.worker() as worker:
+        worker.on_denoise = lambda _: bool(may_end.wait(10)) or None
+        scene = service.ready_scene()
+        with look(service, scene) as viewer:
+            viewer.show(1, width=96, height=54, spp=4, denoise=True)
+            until(lambda: viewer.read() or any(each["samples"] >= 2 for each in viewer.states), "it has samples")
+        assert service.scene(scene)["poster"] is None
+        parts = len(worker.parts)
+        may_end.set()
+        until(lambda: service.scene(scene)["poster"] is not None, "the scene has a poster")
+        until(lambda: not service.farm.views.sessions(), "the view is closed")
+        assert len(worker.parts) <= parts + 1, "no more of it was rendered"
+
+
 def test_poster_is_one_blob_that_is_deleted_with_the_scene(service: Service) -> None:
     with service.worker():
         scene = service.ready_scene()
-    posters, blobs = service.farm.posters, service.farm.blobs
+    row, store, blobs = find_scene(scene, service.farm), service.farm.posters._store, service.farm.blobs
 
     def stored() -> str:
         info = find_scene(scene, service.farm).info or {}
         return BlobRef("", info["poster"]["sha256"], info["poster"]["size"]).sha256
 
-    assert posters.store(picture(scene, 4))
+    assert store.store(picture(row, 4))
     first = stored()
-    assert not posters.store(picture(scene, 8, 0.1 * FLAT)) and stored() == first
+    assert not store.store(picture(row, 8, 0.1 * FLAT)) and stored() == first
     url = service.scene(scene)["poster"]
-    assert posters.store(picture(scene, 64, 0.1 * FLAT))
+    assert store.store(picture(row, 64, 0.1 * FLAT))
     second = stored()
     assert blobs.exists(second) and not blobs.exists(first)
     assert service.scene(scene)["poster"] != url
     stale = service.http.get(url)
     assert stale.headers["cache-control"] == "no-cache" and stale.status_code == 200, "an old address is not kept"
+    assert not store.store(picture(row, 4096)._replace(view="that of other settings")), "it shows another view by now"
     assert service.http.delete(f"/api/scenes/{scene}").status_code == 204
     assert not blobs.exists(second)
     assert service.http.get(f"/api/scenes/{scene}/poster.jpg").status_code == 404
-    assert not posters.store(picture(scene, 256)), "its scene is gone"
+    assert not store.store(picture(row, 256)), "its scene is gone"
+
+
+def test_poster_of_another_release_is_replaced_by_one_of_fewer_samples(service: Service) -> None:
+    store, whole = service.farm.posters._store, np.full((720, 1280, 3), 0.5, np.float32)
+    with service.worker():
+        scene = service.ready_scene()
+        row = find_scene(scene, service.farm)
+        assert store.store(picture(row, 256, whole, "0.1.0-11111111-x86-64-v3"))
+        assert store.lacking(1) == [scene], "an idle farm renders it"
+        assert store.store(picture(row, 16, 0.1 * whole))
+        assert not store.lacking(1) and not store.store(picture(row, 32))
 
 
 def test_poster_that_another_has_overtaken_leaves_no_blob(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     with service.worker():
         scene = service.ready_scene()
     answers = iter((True, False))  # before the picture is encoded, and when the row is written
-    monkeypatch.setattr("service.viewing.posters.is_better", lambda *_: next(answers))
-    assert not service.farm.posters.store(picture(scene, 16))
+    monkeypatch.setattr("service.viewing.poster_store.is_better", lambda *_: next(answers))
+    assert not service.farm.posters._store.store(picture(find_scene(scene, service.farm), 16))
     assert not service.farm.blobs.exists(hashlib.sha256(encode_poster(FLAT)).hexdigest())
 
 
 @pytest.mark.long
 def test_idle_farm_renders_missing_posters_and_stops_for_others(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.viewing.posters.IDLE_S", 0.0)
+    monkeypatch.setattr("service.viewing.idle_posters.IDLE_S", 0.0)
     service.options["idle_posters"] = True
     service.restart()
     views = service.farm.views
@@ -198,3 +314,22 @@ def test_idle_farm_renders_missing_posters_and_stops_for_others(service: Service
         worker.on_part = lambda work, part: None
         service.wait_for(job, "finished")
         until(lambda: service.scene(other)["poster"] is not None, "it is rendered after the job")
+
+
+@pytest.mark.long
+def test_idle_farm_compiles_no_kernel_for_a_poster(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A job that arrives meanwhile would wait for that. Once the kernel is there, the poster is rendered."""
+    monkeypatch.setattr("service.viewing.idle_posters.IDLE_S", 0.0)
+    monkeypatch.setattr("service.viewing.idle_posters.RETRY_S", 1.0)
+    service.options["idle_posters"] = True
+    service.restart()
+    has_kernel = threading.Event()
+    declined: list[bool] = []
+    with service.worker() as worker:
+        worker.on_view = lambda work: None if has_kernel.is_set() else declined.append(work.needs_kernel) or {}
+        scene = service.ready_scene()
+        until(lambda: len(declined) >= 2, "it is tried again after a while")
+        assert all(declined)
+        assert service.scene(scene)["poster"] is None
+        has_kernel.set()
+        until(lambda: service.scene(scene)["poster"] is not None, "the scene has a poster")

@@ -25,7 +25,7 @@ CPU_S = 1e-6
 def show(session: ViewSession, id: int, draft: DraftSize | None = WHOLE, denoises: bool = False, **settings: Any) -> None:
     """Begins to render view `id`."""
     own = replace(SETTINGS, **settings)
-    about = {"samples": 32, "noise": None, "has_alpha": True, "draft_exposure": 0.0, "is_home": True, "upload": "a scene"}
+    about = {"samples": 32, "noise": None, "has_alpha": True, "draft_exposure": 0.0, "is_home": True, "upload": "a scene", "frame_request": None}
     request: Any = SimpleNamespace(id=id, settings=own, **about)
     session.switch_to(request, id)
     session.begin_rendering(own, "c", "k", CPU_S, 1, denoises, draft=draft)
