@@ -32,7 +32,7 @@ from service.scheduling.faults.redis_errors import redis_unavailable
 from service.scheduling.fleet.workers import Workers
 from service.store.blobs import BlobStore, is_sha256
 
-__all__ = ["ArtifactResult", "ArtifactTask"]
+__all__ = ["ArtifactResult", "ArtifactTask", "Key"]
 
 TIMEOUT_S_PER_PIXEL = 1e-5
 MAX_UNSEEN_POLLS = 10  # consecutive polls without a holder, since a crashed slot restarts its work

@@ -7,12 +7,17 @@ from collections.abc import Collection
 from protocol.contract import DenoiseFrame, WorkerReport, denoise_queue
 from renderer.sentences import Sentence
 from service.errors import Unavailable
+from service.events import Events
 from service.scheduling.artifacts.artifact_result import ArtifactResult
-from service.scheduling.artifacts.artifact_task import ArtifactTask
+from service.scheduling.artifacts.artifact_task import ArtifactTask, Key
 from service.scheduling.artifacts.kept_artifacts import KeptArtifacts
+from service.scheduling.dispatching.dispatcher import Dispatcher
+from service.scheduling.fleet.workers import Workers
+from service.store.blobs import BlobStore
 
-__all__ = ["DenoisedLights", "Denoising"]
+__all__ = ["MAX_STORED_BYTES", "DenoisedLights", "Denoising"]
 
+MAX_STORED_BYTES = 2 << 30  # of denoised light groups: four frames of the largest size (service.jobs.denoised)
 _GUIDE_S = 60.0  # seconds to render the guide, of a worker that may have to fetch the scene and its kernel
 _MOMENT_S = 600.0  # if the frame is compiled again
 
@@ -69,7 +74,7 @@ class Denoising(ArtifactTask[DenoiseFrame]):
         return super()._patience(request) * max(1, len(request.frames), len(request.lights)) + more
 
     def _is_size(self, size: int, request: DenoiseFrame) -> bool:
-        return size == 3 * 4 * request.width * request.height * max(1, len(request.lights))
+        return size == _size_of(request)
 
     def _no_worker_error(self) -> Unavailable:
         if not self._workers.roster.ready_reports():
@@ -88,6 +93,29 @@ class Denoising(ArtifactTask[DenoiseFrame]):
 
 
 class DenoisedLights(Denoising):
-    """Requests for the denoised light of all light groups of a frame, which clients mix. Not kept over restarts."""
+    """Requests for the denoised light of all light groups of a frame, which clients mix. Not kept over restarts.
+
+    At most MAX_STORED_BYTES bytes of it are stored, of all frames of all jobs: beyond that, what was made first is deleted, and
+    is made again when a client requests it.
+    """
 
     _name = Sentence("artifact-denoised-lights", "denoised light groups")
+
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, events: Events) -> None:
+        super().__init__(dispatcher, workers, blobs, events)
+        self._bytes: dict[Key, int] = {}  # in the order in which they were made; some may be released
+
+    def _record_made(self, result: ArtifactResult, request: DenoiseFrame) -> None:
+        latest = request.job, request.frame
+        self._bytes.pop(latest, None)
+        self._bytes = {key: size for key, size in self._bytes.items() if key in self._made}
+        self._bytes[latest] = _size_of(request)
+        while sum(self._bytes.values()) > MAX_STORED_BYTES and len(self._bytes) > 1:
+            oldest = next(iter(self._bytes))
+            del self._bytes[oldest]
+            self._run_in_background(self._delete, self._made.pop(oldest).sha256)
+
+
+def _size_of(request: DenoiseFrame) -> int:
+    """Returns the size of a requested picture in bytes: three float32 a pixel, for each of its light groups."""
+    return 3 * 4 * request.width * request.height * max(1, len(request.lights))

@@ -25,8 +25,8 @@ CPU_S = 1e-6
 def show(session: ViewSession, id: int, draft: DraftSize | None = WHOLE, denoises: bool = False, **settings: Any) -> None:
     """Begins to render view `id`."""
     own = replace(SETTINGS, **settings)
-    about = {"samples": 32, "noise": None, "has_alpha": True, "draft_exposure": 0.0, "is_home": True, "upload": "a scene", "frame_request": None}
-    request: Any = SimpleNamespace(id=id, settings=own, **about)
+    about = {"samples": 32, "noise": None, "has_alpha": True, "draft_exposure": 0.0, "is_home": True, "upload": "a scene"}
+    request: Any = SimpleNamespace(id=id, settings=own, frame_request=None, **about)
     session.switch_to(request, id)
     session.begin_rendering(own, "c", "k", CPU_S, 1, denoises, draft=draft)
 

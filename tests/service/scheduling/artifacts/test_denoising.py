@@ -26,7 +26,7 @@ from service.jobs.denoised import denoised_artifact
 from service.jobs.lookup import find_film
 from service.scheduling.artifacts import denoising, previews
 from service.scheduling.artifacts.artifact_result import ArtifactResult
-from service.scheduling.artifacts.denoising import Denoising
+from service.scheduling.artifacts.denoising import MAX_STORED_BYTES, DenoisedLights, Denoising
 from service.scheduling.artifacts.kept_artifacts import KeptArtifacts
 from service.scheduling.artifacts.previews import DenoisedPreviews
 from service.store.bands import bands
@@ -375,4 +375,23 @@ def test_stored_pictures_of_deleted_jobs_are_forgotten(tmp_path: Path) -> None:
     assert task.blobs_of({"job"}) == {"a" * 64}
     task._save_made()
     assert set(kept.load()) == {("job", 0)}
+    task.close()
+
+
+def test_light_groups_of_many_frames_take_bounded_space() -> None:
+    """A client that mixes frame after frame of a shot would fill the disk, since each frame has up to 512 MiB."""
+    released: list[str] = []
+    events: Any = SimpleNamespace(publish=lambda event: released.extend(event.references))
+    task = DenoisedLights(None, None, None, events)  # type: ignore[arg-type]
+    frame = DenoiseFrame("", "job", 0, 2048, 1024, lights=("key", "fill"))
+    size, sha256 = 3 * 4 * 2048 * 1024 * 2, "{:064x}".format
+    most = MAX_STORED_BYTES // size
+    for number in [*range(most), 1, *range(most, most + 3)]:
+        made = ArtifactResult(sha256(number))
+        with task._lock:
+            task._made["job", number] = made
+            task._record_made(made, replace(frame, frame=number))
+    until(lambda: len(released) == 3, "the first are deleted")
+    assert released == [sha256(0), sha256(2), sha256(3)], "one that was made again is not the oldest"
+    assert len(task._made) == most
     task.close()
