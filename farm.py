@@ -11,6 +11,7 @@
                                            and the checks are left out
     python3 farm.py check                  the checks alone: style, types and imports
     python3 farm.py sheets [name ...]      the picture sheets of docs/, rendered again
+    python3 farm.py example-pictures       the pictures of the examples that the page shows
     python3 farm.py film                   our shot as a film, by the farm that runs here
     python3 farm.py page-pictures          pictures of the page while that farm renders
     python3 farm.py peers [...]            our pictures beside Mitsuba's and Blender's (installs Blender: 1 GB)
@@ -42,7 +43,12 @@ FOR_BENCHMARKS = ("docs", "test")
 TEST_PROCESSES = 7  # one for each of the parts in tests/parts.py; many tests mostly wait
 # Scripts that make the pictures of docs/, and their requirements.
 HOURS_LONG = ("hard", "kernels", "peers")  # benchmarks
-PICTURES = {"sheets": ("scenes", ()), "film": ("scenes", ()), "page-pictures": ("docs", FOR_TESTS)}
+PICTURES = {
+    "sheets": ("scenes", ()),
+    "example-pictures": ("scenes", ()),
+    "film": ("scenes", ()),
+    "page-pictures": ("docs", FOR_TESTS),
+}
 TYPESCRIPT = VENV / "typescript"
 CYCLES = ROOT / ".venv-cycles"
 # As in renderer/arrays/scene_features.py: scenes without motion and media

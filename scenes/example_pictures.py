@@ -1,6 +1,6 @@
 """Renders the pictures of the examples that the page and README.md show, web/examples/NAME.jpg, denoised.
 
-    python3 farm.py example-pictures                    all of them: about an hour of processor time
+    python3 farm.py example-pictures                    all of them
     python3 farm.py example-pictures still-life         one of them
     python3 farm.py example-pictures --spp 16 -o /tmp   quickly, elsewhere
 

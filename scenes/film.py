@@ -1,4 +1,4 @@
-"""Renders the example shot on the farm that runs here, and makes the film, filmstrip and thumbnail that docs/ and the page show.
+"""Renders the example shot on the farm that runs here, and makes the film and filmstrip that docs/ show.
 
     python3 farm.py up              in one terminal
     python3 farm.py film            in another: about an hour on two cores
@@ -29,12 +29,11 @@ __all__ = ["filmstrip", "main", "write_webp"]
 ROOT = Path(__file__).parent.parent
 NAME = "caterpillar"
 SHOWN = (6, 22, 36, 52, 64, 84)  # frames of the filmstrip
-STILL = 20  # frame of the thumbnail
 EDGE, HOLE = 22, 10  # pixels of the filmstrip's rim and its holes
 
 
 def main() -> None:
-    """Parses the command line, renders the shot, and writes the film, filmstrip and thumbnail."""
+    """Parses the command line, renders the shot, and writes the film and filmstrip."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "pictures", help="docs/pictures unless told")
     parser.add_argument("--frames", type=Path, help="a folder for the frames; a passing one unless told")
@@ -58,8 +57,6 @@ def main() -> None:
     strip = filmstrip([frames[n] for n in SHOWN], list(SHOWN))
     strip.save(options.output / f"{NAME}-filmstrip.jpg", quality=88, optimize=True)
     written = [f"{NAME}.mp4", f"{NAME}.webp", f"{NAME}-filmstrip.jpg"]
-    if options.output == parser.get_default("output"):
-        _thumbnail(frames[STILL]).save(ROOT / "web" / "examples" / f"{NAME}.jpg", quality=86, optimize=True)
     for name in written:
         print(f"{name}: {(options.output / name).stat().st_size / 1024:.0f} kB", flush=True)
 
@@ -89,12 +86,6 @@ def filmstrip(frames: list[Image.Image], numbers: list[int], width: int = 300) -
         strip.paste(frame.resize((width, height), Image.Resampling.LANCZOS), at)
         draw.text((at[0] + 8, at[1] + height - 8), str(number), "white", font, "ls", stroke_width=1, stroke_fill="black")
     return strip
-
-
-def _thumbnail(frame: Image.Image) -> Image.Image:
-    """Returns a thumbnail with the size and aspect ratio of the other examples'."""
-    margin = (frame.width - frame.height * 8 // 5) // 2
-    return frame.crop((margin, 0, frame.width - margin, frame.height)).resize((480, 300), Image.Resampling.LANCZOS)
 
 
 if __name__ == "__main__":

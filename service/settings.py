@@ -87,7 +87,7 @@ class Settings(BaseSettings):
 
     reuse_films: bool = True  # whether a job starts with the samples of an earlier job of the same picture
 
-    idle_posters: bool = True  # whether an idle farm renders posters of scenes that were not opened: service/viewing/posters.py
+    idle_posters: bool = True  # whether an idle farm renders missing posters: service/viewing/idle_posters.py
 
     quota_bytes: int | None = Field(default=None, ge=0)  # disk space for one user's uploads and films; empty: no limit
     quota_jobs: int | None = Field(default=None, ge=0)  # unfinished jobs of one user

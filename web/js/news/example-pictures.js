@@ -1,2 +1,2 @@
-/** Pictures of the examples by the scenes opened from them: shown until there are better ones. @type {Map<string, string>} */
+/** Pictures of the examples by the scenes opened from them, of the views with which their pages open. @type {Map<string, string>} */
 export const examplePictures = new Map();

@@ -53,7 +53,7 @@ export function sceneCard(scene) {
       chip.update(next.status);
       chip.element.hidden = next.status === "ready";
       setFacts(facts, next.status === "ready" ? shortFacts(next) : []);
-      picture.update(next, renderedOf(next) ?? (posterUrl(next) || examplePictures.get(next.id)));
+      picture.update(next, renderedOf(next) ?? (examplePictures.get(next.id) || posterUrl(next)));
     },
   };
 }
@@ -104,17 +104,17 @@ export function refusedRow(scene) {
   };
 }
 
-/** Samples per pixel from which a job's picture, which may have its noise, is clearer than a poster. */
+/** Samples per pixel from which a job's picture, which may have its noise, is clearer than a poster or the picture of an example. */
 const CLEAR_SPP = 64;
 
 /**
  * The finished picture of a scene in its own light that has the most samples; of several, the latest. Better than a thumbnail, and with
- * CLEAR_SPP samples than a poster.
+ * CLEAR_SPP samples than a poster or the picture of an example.
  * @param {Scene} scene
  * @returns {string | undefined}
  */
 function renderedOf(scene) {
-  const least = posterUrl(scene) ? CLEAR_SPP : 0;
+  const least = posterUrl(scene) || examplePictures.has(scene.id) ? CLEAR_SPP : 0;
   const asUploaded = (/** @type {Job} */ job) => !job.environment && job.variant == null && job.up == null && job.floor == null;
   const found = (jobs.value ?? []).filter((each) => each.scene === scene.id && each.state === "finished" && each.samples > 0 && perPixel(each) >= least && asUploaded(each));
   const quality = (/** @type {Job} */ { samples, shot }) => samples / Math.max(shot?.count ?? 1, 1);

@@ -139,7 +139,7 @@ function outline(scene, life, steps) {
   const { id, thumbnail, defaults } = scene;
   const surface = h("div", { class: "live-view" });
   const isOwnView = !["view", "like", "light"].some((name) => here().params.has(name));
-  const url = posterUrl(scene) || examplePictures.get(id) || (thumbnail ? thumbnailUrl(id) : "");
+  const url = examplePictures.get(id) || posterUrl(scene) || (thumbnail ? thumbnailUrl(id) : "");
   if (url && isOwnView) surface.style.backgroundImage = `url("${url}")`;
   if (steps.isOpen) steps.render();
   const pills = h("div", { class: "view-pills" }, h("p", { class: "small view-state" }, PREPARING), steps.isOpen && steps.element);
@@ -342,11 +342,12 @@ function viewOf(scene, form, sides, life, steps) {
   const example = linked ? undefined : examplePictures.get(scene.id); // shown while the scene was prepared
   const picture = finished && imageUrl({ job: finished.id, frame: firstFrame(finished) }, thumbnailFormat(finished), { width: 800, visible: "true", v: finished.samples });
   const isUsual = !linked && !here().params.has("like") && background === "visible" && !environment && floor == null && up == null && variant == null && !frames;
-  const poster = isUsual ? posterUrl(scene) : "";
-  const best = poster || picture || example;
+  // An example's picture, of many samples, is clearer than the poster of a view that was open for a moment.
+  const clear = isUsual ? example || posterUrl(scene) : "";
+  const best = clear || picture || example;
   // A card has shown it. With another exposure than the view's it would be another picture.
   const smaller = finished && Object.keys(lookOfJob(finished)).length === 0 ? cardPicture(finished) : undefined;
-  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), nearest: smaller ?? "", isFinished: best !== undefined, isSame: !linked && !here().params.has("like"), isClear: poster !== "", steps };
+  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), nearest: smaller ?? "", isFinished: best !== undefined, isSame: !linked && !here().params.has("like"), isClear: clear !== "", steps };
 
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
