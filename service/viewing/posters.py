@@ -26,7 +26,7 @@ __all__ = ["Posters"]
 POLL_S = 0.5
 MAX_TAKEN = 8  # pictures of closed views that wait to be stored; further ones are dropped
 MAX_ENDING = 4  # views whose pages are closed and whose pictures are being denoised; further ones are closed at once
-ENDING_S = 15.0  # limit for that
+ENDING_S = 30.0  # limit for that, which takes a second or two unless the machine is busy
 
 log = logging.getLogger(__name__)
 
