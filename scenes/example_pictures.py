@@ -12,6 +12,7 @@ pixel at most, and then denoised (Open Image Denoise).
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
 import tempfile
@@ -44,8 +45,10 @@ def main() -> None:
     options.output.mkdir(parents=True, exist_ok=True)
     for name in options.names or examples:
         target = options.output / f"{name}.jpg"
-        save(rendered(examples[name], options), target)
-        print(f"{target.name}: {target.stat().st_size / 1024:.0f} kB", flush=True)
+        picture, statistics = rendered(examples[name], options)
+        save(picture, target)
+        took = f"{statistics['samples'] / 1e6:.1f} M samples in {statistics['render_cpu_s']:.0f} s of processor time"
+        print(f"{target.name}: {target.stat().st_size / 1024:.0f} kB, {took}", flush=True)
 
 
 def size_of(scene: Path) -> tuple[int, int]:
@@ -55,17 +58,18 @@ def size_of(scene: Path) -> tuple[int, int]:
     return round(scale * settings["width"]), round(scale * settings["height"])
 
 
-def rendered(scene: Path, options: argparse.Namespace) -> Image.Image:
-    """Returns the denoised picture of a scene. Exits with 1 if it cannot be rendered; `rayfarm render` has said why."""
+def rendered(scene: Path, options: argparse.Namespace) -> tuple[Image.Image, dict[str, float]]:
+    """Returns the denoised picture of a scene, and the statistics of `rayfarm render`. Exits with 1 if that fails."""
     width, height = size_of(scene)
     with tempfile.TemporaryDirectory() as passing:
-        output = Path(passing) / "picture.png"
+        output, statistics = Path(passing) / "picture.png", Path(passing) / "statistics.json"
         command = [sys.executable, "-m", "rayfarm", "render", str(scene), "-o", str(output), "--size", f"{width}x{height}"]
-        command += ["--spp", str(options.spp), "--noise", str(options.noise), "--denoise"]
+        command += ["--spp", str(options.spp), "--noise", str(options.noise), "--denoise", "--stats", str(statistics)]
         command += ["--threads", str(options.threads)] if options.threads else []
         if subprocess.call(command, cwd=ROOT) != 0:
             sys.exit(1)
-        return Image.open(output.with_stem("picture-denoised")).convert("RGB")
+        picture = Image.open(output.with_stem("picture-denoised")).convert("RGB")
+        return picture, json.loads(statistics.read_text())
 
 
 def save(picture: Image.Image, path: Path) -> None:
