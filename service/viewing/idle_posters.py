@@ -28,10 +28,10 @@ ACTIVE = {"queued", "running"}
 
 
 class IdlePosters:
-    """Renders one missing or outdated poster of the latest scenes at a time. Only the constructor's event handler is thread-safe.
+    """Renders missing and outdated posters of the latest scenes, one for each call of `render_next`, in the caller's thread.
 
-    It stops as soon as the farm has other work. A scene is tried again if its kernel was not compiled, since an idle farm
-    compiles none: a job that arrives would wait for that.
+    It stops as soon as the farm has other work. No kernel is compiled for a poster, since a job that arrives would wait for
+    that; a scene without one is tried again RETRY_S seconds later.
     """
 
     def __init__(
