@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 from renderer.scene.studio import NO_LIGHTS_WARNING
+from scenes import example_pictures
 from service.store.models import Scene
 from service.store.staging import BlobWriter
 from tests.service.conftest import Service, until
@@ -101,3 +103,13 @@ def test_unknown_example_is_404(service: Service) -> None:
     answer = service.http.post("/api/examples/teapot")
     assert answer.status_code == 404
     assert answer.json()["detail"].startswith("There is no example 'teapot'.")
+
+
+def test_examples_have_sharp_pictures_in_the_shape_of_their_scenes() -> None:
+    """The page shows them before the scene's view: another shape would jump, a small one would be blurred."""
+    scenes = [*example_pictures.SCENES.glob("*.yaml"), *example_pictures.SCENES.glob("*/*.yaml")]
+    pictures = {scene: example_pictures.PICTURES / f"{scene.stem}.jpg" for scene in scenes}
+    for scene, path in pictures.items():
+        with Image.open(path) as picture:
+            assert picture.size == example_pictures.size_of(scene), path.name
+    assert sum(path.stat().st_size for path in pictures.values()) < 1.5e6, "the front page loads them all"
