@@ -72,10 +72,11 @@ class IdlePosters:
         self._look_at = math.inf
         lacking = [id for id in self._store.lacking(RECENT) if now >= self._not_before.get(id, 0.0)]
         if lacking:
+            self._look_at = 0.0  # further ones may be missing, also if this one fails
             self._render_poster(lacking[0])
-            self._look_at = 0.0
         else:
-            self._look_at = min(self._look_at, min(self._not_before.values(), default=math.inf))
+            later = min((at for at in self._not_before.values() if at > now), default=math.inf)
+            self._look_at = min(self._look_at, later)
 
     def _scene_changed(self, event: RowWritten | ItemChanged) -> None:
         if event.kind == "scene":

@@ -14,8 +14,10 @@ import pytest
 from PIL import Image
 
 from protocol.contract import BlobRef
+from service.events import Events, RowWritten
 from service.jobs.lookup import find_scene
 from service.store.models import Scene
+from service.viewing.idle_posters import IdlePosters
 from service.viewing.poster_choice import (
     MIN_PIXELS,
     Poster,
@@ -333,3 +335,26 @@ def test_idle_farm_compiles_no_kernel_for_a_poster(service: Service, monkeypatch
         assert service.scene(scene)["poster"] is None
         has_kernel.set()
         until(lambda: service.scene(scene)["poster"] is not None, "the scene has a poster")
+
+
+def test_idle_farm_looks_for_posters_only_after_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The look reads 24 rows of the database, twice a second."""
+    monkeypatch.setattr("service.viewing.idle_posters.IDLE_S", 0.0)
+    looks: list[int] = []
+    store: Any = SimpleNamespace(renderers=frozenset({"a"}), lacking=lambda recent: looks.append(recent) or [])
+    nothing: Any = None
+    events = Events()
+    idle = IdlePosters(nothing, store, nothing, nothing, events, threading.Event())
+    monkeypatch.setattr(idle, "_is_idle", lambda own=None: True)
+    idle._not_before["interrupted"] = 0.0
+    for _ in range(3):
+        idle.render_next()
+    assert len(looks) == 1
+    events.publish(RowWritten("scene", "s"))
+    for _ in range(3):
+        idle.render_next()
+    assert len(looks) == 2
+    store.renderers = frozenset({"b"})
+    for _ in range(3):
+        idle.render_next()
+    assert len(looks) == 3, "posters of another renderer are outdated"
