@@ -257,6 +257,11 @@ class Engine:
         """Returns the denoised frame with all samples of its film if it is stored already."""
         return self._artifact_tasks.denoising.made_of(job, frame, film.version(frame))
 
+    def has_denoised(self, job: str, frame: int, samples: int) -> bool:
+        """Returns True if a preview of a frame was made, or its denoised picture with all its samples. Thread-safe, and quick."""
+        made = self._artifact_tasks.denoising.last_of(job, frame)
+        return self._artifact_tasks.previews.last_of(job, frame) is not None or (made is not None and made.samples == samples)
+
     def release_preview(self, job: str, frame: int) -> None:
         """Releases the preview of a frame that is denoised."""
         self._artifact_tasks.previews.release(job, frame)

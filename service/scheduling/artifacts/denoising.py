@@ -35,6 +35,10 @@ class Denoising(ArtifactTask[DenoiseFrame]):
         made = self._made.get((job, frame))
         return made if made is not None and made.version == version and self._blobs.exists(made.sha256) else None
 
+    def last_of(self, job: str, frame: int) -> ArtifactResult | None:
+        """Returns the latest denoised picture of a frame, also if its film has changed since, or its blob is lost; None if there is none."""
+        return self._made.get((job, frame))
+
     def blobs_of(self, jobs: Collection[str]) -> set[str]:
         """Returns the hashes of the stored frames of these jobs, and forgets those of all others.
 
