@@ -14,7 +14,7 @@ DUE = """
     const previewAt = performance.now() + (a.failed ?? 0);
     const live = { film, look, clean: a.clean, worth: a.worth, isAgain: a.again, side: 2, isRendering: a.rendering ?? true };
     const coveredAt = a.waited && performance.now() - a.waited;
-    const side = { live, state, coveredAt, previewAt, madeOf: a.made ?? Infinity };
+    const side = { live, state, coveredAt, previewAt, previewFrom: a.from ?? Infinity, madeOf: a.made ?? Infinity };
     return Object.assign(Object.create(m.PictureSide.prototype), side)[a.noise ? "isNoiseDue" : "isPreviewDue"]();"""
 
 
@@ -59,6 +59,12 @@ def test_failed_preview_is_asked_for_again(node: Node) -> None:
     enough = {"tiles": [[0, 4], [2, 4]], "made": 8}
     assert node.call("film/picture-side", DUE, {**enough, "failed": 5000}) is False
     assert node.call("film/picture-side", DUE, {**enough, "failed": -1}) is True
+
+
+def test_unchanged_preview_is_asked_for_again_once_its_samples_have_quadrupled(node: Node) -> None:
+    rests = {"tiles": [[0, 4], [2, 4]], "made": 8, "failed": 3000}
+    assert node.call("film/picture-side", DUE, {**rests, "from": 33}) is False
+    assert node.call("film/picture-side", DUE, {**rests, "from": 32}) is True
 
 
 FAILS = """

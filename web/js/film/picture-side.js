@@ -80,6 +80,8 @@ export class PictureSide {
     this.isPreview = false;
     /** When the next preview may be asked for. */
     this.previewAt = 0;
+    /** Samples of the film from which it may be asked for before that: service/scheduling/artifacts/previews.py renews few samples at once. */
+    this.previewFrom = Infinity;
     /** When every tile first had samples. @type {number | undefined} */
     this.coveredAt = undefined;
     /** Samples per pixel of the noisy film that its tag states. */
@@ -134,7 +136,8 @@ export class PictureSide {
   isPreviewDue() {
     const { channel, waiting } = this.state.value;
     const { film, look, worth = 0, isAgain, isRendering } = this.live;
-    if (channel !== DENOISED || !isRendering || waiting || document.hidden || performance.now() < this.previewAt) return false;
+    const isSoon = performance.now() < this.previewAt && film.total < this.previewFrom;
+    if (channel !== DENOISED || !isRendering || waiting || document.hidden || isSoon) return false;
     if (this.madeOf !== Infinity) return film.total >= 2 * this.madeOf;
     const { least, waited } = this.coverage();
     if (least === 0) return false;
@@ -315,7 +318,9 @@ export class PictureSide {
           if (signal.aborted) return;
           this.isPreview = isPreview;
           this.state.update((state) => ({ ...state, isPreview }));
-          this.previewAt = performance.now() + (samples === this.madeOf ? EVERY_MS : 0); // the farm made no other yet
+          const isUnchanged = samples === this.madeOf; // the farm made no other yet
+          this.previewAt = performance.now() + (isUnchanged ? EVERY_MS : 0);
+          this.previewFrom = isUnchanged && this.live.film.total < 4 * samples ? 4 * samples : Infinity;
           this.madeOf = samples;
           this.fetched = new Film(width, height, words);
           this.layer.setFilm(this.fetched, { fades: channel === DENOISED });
@@ -333,6 +338,7 @@ export class PictureSide {
     } catch (error) {
       if (signal.aborted) return;
       this.previewAt = performance.now() + FAILED_MS;
+      this.previewFrom = Infinity;
       if (channel === DENOISED && !this.fetched) this.layer.setFilm(this.live.film);
       this.state.update((state) => ({ ...state, error }));
     } finally {
