@@ -149,6 +149,7 @@ def one_frame(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
         progress=numbers.progress,
         noise=numbers.noise,
         error=numbers.error,
+        denoised=False,
     )
 
 

@@ -366,9 +366,7 @@ class FrameOut(Coded):
     noise: float | None = Field(description="relative standard error; of a shot's frames from 8 samples on")
     error: str | None = Field(description="why the frame failed; null: it did not")
     denoised: bool = Field(
-        False,
-        description="whether a denoised picture is stored: the latest preview, or one of all samples; "
-        "in a job, and at /api/jobs/{id}/frames/{n}",
+        description="whether a denoised picture or preview of it is stored; in a job, and at /api/jobs/{id}/frames/{n}",
     )
 
 

@@ -30,7 +30,7 @@ def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> N
         assert is_due(tiles=[[0, 1], [2, 1]], worth=0, **start) is True, "the start is of another light"
         assert is_due(tiles=[[0, 3], [2, 9]], worth=4, **start) is False, "the start is sharper"
         assert is_due(tiles=[[0, 1], [2, 9]], worth=4, waited=3000, **start) is True
-        assert is_due(tiles=[[0, 15], [2, 40]], worth=16, **start) is False, "denoising few samples smears, and the start is clear"
+        assert is_due(tiles=[[0, 15], [2, 40]], worth=16, **start) is False, "few samples smear, and the start is clear"
         assert is_due(tiles=[[0, 16], [2, 16]], worth=16, **start) is True
         assert is_due(tiles=[[0, 4], [2, 4]], worth=16, waited=9000, **start) is True, "the job's picture is to be seen at last"
         assert is_due(tiles=[[0, 3], [2, 4]], worth=16, waited=9000, **start) is False

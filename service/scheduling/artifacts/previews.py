@@ -39,11 +39,6 @@ class DenoisedPreviews(Denoising):
             return self.request(request)
         return self.request(request, made.version)  # that one, if its blob is still there
 
-    def existing(self, job: str, frame: int) -> ArtifactResult | None:
-        """Returns the frame's latest preview, also if another is due; None if there is none. Thread-safe; may be slow."""
-        made = self._made.get((job, frame))
-        return made if made is not None and self._blobs.exists(made.sha256) else None
-
     def _is_recent(self, made: ArtifactResult, samples: int, pixels: int, is_final: bool = False) -> bool:
         """Returns True if the preview is not to be renewed now. A film that was lost and begun again has fewer samples."""
         has_grown = made.samples < EARLY_SAMPLES * pixels and samples >= EARLY_GROWTH * made.samples

@@ -149,16 +149,16 @@ export class PictureSide {
   isNoiseDue() {
     const { film, look, clean, worth = 0, isAgain } = this.live;
     if (look && !look.isDenoised && perPixel(film) > perPixel(look)) return true;
-    const { least, waited } = this.coverage();
+    const { waited } = this.coverage();
     const isStale = worth < 1 && Boolean(look || clean);
-    return least > 0 && !isAgain && worth < CLEAR && waited > (isStale ? STALE_MS : NOISE_AFTER_MS);
+    return !isAgain && worth < CLEAR && waited > (isStale ? STALE_MS : NOISE_AFTER_MS);
   }
 
-  /** Returns the least samples per pixel of all tiles, and the time in milliseconds since every tile has some. */
+  /** Returns the least samples per pixel of all tiles, and the time in milliseconds since every tile has some, or since the film of a job that has stopped is here. */
   coverage() {
-    const { film, side = 0 } = this.live;
+    const { film, side = 0, isRendering } = this.live;
     const least = side > 0 ? Math.min(...film.tileSamples(side)) : 0;
-    if (least > 0) this.coveredAt ??= performance.now();
+    if (least > 0 || (!isRendering && film.total > 0)) this.coveredAt ??= performance.now();
     return { least, waited: performance.now() - (this.coveredAt ?? Infinity) };
   }
 
@@ -317,13 +317,13 @@ export class PictureSide {
         const show = (/** @type {Awaited<ReturnType<typeof fetchWords>>} */ { words, samples, isPreview }) => {
           if (signal.aborted) return;
           this.isPreview = isPreview;
-          this.state.update((state) => ({ ...state, isPreview }));
           const isUnchanged = samples === this.madeOf; // the farm made no other yet
           this.previewAt = performance.now() + (isUnchanged ? EVERY_MS : 0);
           this.previewFrom = isUnchanged && this.live.film.total < 4 * samples ? 4 * samples : Infinity;
           this.madeOf = samples;
           this.fetched = new Film(width, height, words);
           this.layer.setFilm(this.fetched, { fades: channel === DENOISED });
+          this.state.update((state) => ({ ...state, isPreview }));
         };
         // A stored one comes at once; a better one needs a worker, which may be long in coming.
         if (wantsPreview && !this.fetched && this.live.isDenoisedStored) await fetchWords(this.live, { ...wish, wait: "false" }, signal).then(show, () => {});
