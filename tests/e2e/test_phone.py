@@ -30,7 +30,7 @@ def test_phone_shows_whole_titles_and_hides_bins(many: Service, browser: Browser
     expect(bin).to_have_css("opacity", "1")
     session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     expect(page).to_have_url(re.compile(r"/(#/)?$"))
-    page.locator("h1, h2").first.tap()
+    page.get_by_role("heading", name="Latest pictures").tap()
     expect(bin).to_have_css("opacity", "0")
 
     card.locator("a.name").tap()

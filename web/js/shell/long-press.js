@@ -13,14 +13,16 @@ export function holdOnLongPress(element) {
   let pressing;
   let [x, y] = [0, 0];
   const end = () => clearTimeout(pressing);
+  const keepClosed = (/** @type {Event} */ event) => event.preventDefault();
   const release = (/** @type {PointerEvent} */ { target }) => {
+    element.removeEventListener("click", keepClosed, true);
     if (target instanceof Node && element.contains(target)) return;
     element.classList.remove("held");
     removeEventListener("pointerdown", release, true);
   };
   const hold = () => {
     element.classList.add("held");
-    element.addEventListener("click", (event) => event.preventDefault(), { once: true, capture: true }); // of this very press
+    element.addEventListener("click", keepClosed, true); // of this very press
     addEventListener("pointerdown", release, true);
   };
   element.addEventListener("pointerdown", (event) => {
