@@ -158,7 +158,8 @@ export class PictureSide {
   coverage() {
     const { film, side = 0, isRendering } = this.live;
     const least = side > 0 ? Math.min(...film.tileSamples(side)) : 0;
-    if (least > 0 || (!isRendering && film.total > 0)) this.coveredAt ??= performance.now();
+    const isCovered = least > 0 || (!isRendering && film.total > 0);
+    this.coveredAt = isCovered ? (this.coveredAt ?? performance.now()) : undefined; // another frame begins anew
     return { least, waited: performance.now() - (this.coveredAt ?? Infinity) };
   }
 
