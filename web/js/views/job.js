@@ -166,9 +166,9 @@ function open(page, job, life) {
   );
   if (shot) save.element.append(shot.files);
   const keys = jobKeys({ job: () => latest, display, inShot: shot !== null });
-  life.add(addShortcuts([...keys.picture, ...save.actions, ...title.keys, ...notes.keys, ...tools.keys, ...focus.keys], "picture")); // in the palette's order
+  life.add(addShortcuts([...keys.picture, ...save.actions, ...title.keys, ...notes.keys, ...tools.keys, ...focus.keys, ...explained.keys, ...(moments?.keys ?? [])], "picture")); // in the palette's order
   const ofStage = stageKeys({ view: picture.view, display, normalise, usual: jobLook(job).exposure, inShot: shot !== null });
-  life.add(addShortcuts([...ofStage, ...keys.view, ...pins.keys, ...explained.keys, ...(moments?.keys ?? []), putAway], "view"));
+  life.add(addShortcuts([...ofStage, ...keys.view, ...pins.keys, putAway], "view"));
 
   const tabs = sideTabs(t("Picture"), [
     // What grows while it renders comes last.
