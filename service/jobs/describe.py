@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, cast
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from renderer.frames import frame_number, frames_text
+from renderer.frames import frame_key, frame_number, frames_text
 from renderer.sentences import Sentence
 from service.farm import Farm
 from service.jobs.describe_frames import RECORDED, Recorded, bad_samples_of, latest_frame_numbers, one_frame, still_numbers
@@ -115,8 +115,9 @@ def _one_out(
 ) -> JobOut:
     try:
         out = _job_out(job, recorded, sums, view, waits)
-        for frame in out.frames if job.shot is None else ():
-            if frame.bad_samples:
+        for frame in out.frames:
+            frame.denoised = engine.has_denoised(job.id, frame_key(frame.number), frame.samples)
+            if frame.bad_samples and job.shot is None:
                 frame.bad = bad_samples_of(job, frame, session, engine)
         return out
     except Exception as error:

@@ -132,6 +132,7 @@ def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut 
     found = next((one_frame(job, *each) for each in frame_numbers(job, session, engine, [key]) if each[0] == key), None)
     if found is not None:
         found.bad = bad_samples_of(job, found, session, engine)
+        found.denoised = engine.has_denoised(job.id, key, found.samples)
     return found
 
 
@@ -148,6 +149,7 @@ def one_frame(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
         progress=numbers.progress,
         noise=numbers.noise,
         error=numbers.error,
+        denoised=False,
     )
 
 

@@ -365,6 +365,9 @@ class FrameOut(Coded):
     progress: float = Field(description="0 to 1")
     noise: float | None = Field(description="relative standard error; of a shot's frames from 8 samples on")
     error: str | None = Field(description="why the frame failed; null: it did not")
+    denoised: bool = Field(
+        description="whether a denoised picture or preview of it is stored; in a job, and at /api/jobs/{id}/frames/{n}",
+    )
 
 
 class ShotOut(BaseModel):

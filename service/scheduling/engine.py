@@ -250,12 +250,23 @@ class Engine:
         return self._artifact_tasks.denoised_lights.made_of(job, frame, film.version(frame))
 
     def existing_preview(self, job: str, frame: int) -> ArtifactResult | None:
-        """Returns the latest preview of a frame, also if another is due; None if there is none."""
-        return self._artifact_tasks.previews.existing(job, frame)
+        """Returns the latest denoised picture or preview of a frame, also if another is due; None if there is none."""
+        tasks = self._artifact_tasks
+        found = (each.existing(job, frame) for each in (tasks.previews, tasks.denoising))
+        return max((each for each in found if each is not None), key=lambda each: each.samples, default=None)
 
     def denoised(self, job: str, frame: int, film: Film) -> ArtifactResult | None:
         """Returns the denoised frame with all samples of its film if it is stored already."""
         return self._artifact_tasks.denoising.made_of(job, frame, film.version(frame))
+
+    def has_denoised(self, job: str, frame: int, samples: int) -> bool:
+        """Returns True if a preview or denoised picture of a frame was made. Thread-safe, and quick.
+
+        samples: of the frame; a picture of more is of a film that was lost.
+        """
+        tasks = self._artifact_tasks
+        made = (each.last_of(job, frame) for each in (tasks.previews, tasks.denoising))
+        return any(each is not None and each.samples <= samples for each in made)
 
     def release_preview(self, job: str, frame: int) -> None:
         """Releases the preview of a frame that is denoised."""

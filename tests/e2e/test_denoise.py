@@ -12,12 +12,12 @@ import httpx
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, Route, expect
 
 from renderer.image import rgbe9995, tonemap
 from tests.e2e.conftest import Watched
 from tests.e2e.screen import assert_screen, expected_pixels, expected_split, read_exr, render_job
-from tests.helpers import Farm
+from tests.helpers import Farm, wait_until
 
 SIZE = {"width": 96, "height": 64}
 
@@ -103,3 +103,81 @@ def test_job_with_denoise_is_shown_and_saved_denoised(farm: Farm, watched: Watch
     expect(page.get_by_role("switch", name="Denoised")).to_be_checked()
     expect(page.get_by_role("link", name="PNG, denoised")).to_be_visible()
     assert watched.errors == []
+
+
+# Creates a job as the scene's page does, which hands it a picture of another light, and opens the job's page.
+BEGIN = """async (request) => {
+    const main = performance.getEntriesByType("resource").map(({ name }) => name).find((name) => name.endsWith("/js/main.js"));
+    const read = (path) => import(main.replace("main.js", path));
+    const [{ createJob }, { keepFirstLook, prepareLook }, { adoptJob }, { Film }] =
+        await Promise.all(["news/api.js", "film/first-look.js", "news/farm.js", "film/film.js"].map(read));
+    const job = await createJob(request, "once");
+    const look = { film: new Film(1, 1), isSame: true, clean: document.createElement("canvas").toDataURL(), worth: 0 };
+    await prepareLook(look);
+    keepFirstLook(job.id, look);
+    adoptJob(job);
+    location.hash = `/jobs/${job.id}`;
+    return job.id;
+}"""
+
+
+@pytest.mark.long
+def test_growing_picture_replaces_one_of_another_light(farm: Farm, watched: Watched) -> None:
+    if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
+        pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
+    scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
+    with farm.client() as client:
+        client.wait_for_scene(scene)
+    page = watched.page
+    page.goto(f"{farm.url}/#/jobs")
+    page.get_by_role("heading", name="Jobs").wait_for()
+    held: list[Route] = []
+    denoised = re.compile("denoise=true")
+
+    def hold(route: Route) -> None:  # as if the denoiser were busy
+        held.append(route)
+
+    page.route(denoised, hold)
+    job = page.evaluate(BEGIN, {"scene": scene, **SIZE, "spp": 60_000, "denoise": True})
+    try:
+        tag = page.locator(".channel-tag.right")
+        expect(tag).to_have_text(re.compile(r"^[\d ]+ samples?, not denoised yet$"), timeout=60_000)
+        expect(page.locator(".stage")).to_have_attribute("data-film", "here")
+        assert held, "a denoised one is asked for from the first samples on"
+        while held:
+            held.pop().continue_()
+        page.unroute(denoised, hold)
+        expect(tag).to_have_text(re.compile(r"^Denoised, [\d ]+ samples?$"), timeout=60_000)
+    finally:
+        httpx.patch(f"{farm.url}/api/jobs/{job}", json={"state": "cancelled"})
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_stored_denoised_picture_of_paused_job_is_shown_at_once(farm: Farm, watched: Watched, browser: Browser) -> None:
+    if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
+        pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
+    scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
+    request = {"scene": scene, "width": 640, "height": 400, "spp": 60_000, "denoise": True}
+    job = httpx.post(f"{farm.url}/api/jobs", json=request).raise_for_status().json()["id"]
+    url = f"{farm.url}/api/jobs/{job}"
+    wait_until(lambda: httpx.get(url).json()["samples"] > 640 * 400, 60, "it has samples")
+    httpx.patch(url, json={"state": "paused"}).raise_for_status()
+    assert httpx.get(url).json()["frames"][0]["denoised"] is False
+    asked: list[str] = []
+    page = watched.page
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(f"{farm.url}/#/jobs/{job}")
+    expect(page.locator(".channel-tag.right")).to_have_text(re.compile("^Denoised"), timeout=60_000)
+    assert not [each for each in asked if "wait=false" in each], "there was none to show at once"
+    assert watched.errors == []
+
+    page.goto("about:blank")
+    assert httpx.get(url).json()["frames"][0]["denoised"] is True
+    other = browser.new_page()
+    other.route(re.compile("denoise=true(?!.*wait=false)"), lambda _: None)  # no worker denoises now
+    other.goto(f"{farm.url}/#/jobs/{job}")
+    expect(other.locator(".channel-tag.right")).to_have_text(re.compile("^Denoised"), timeout=30_000)
+    expect(other.locator(".stage")).to_have_attribute("data-film", "here")
+    other.close()
+    httpx.delete(url).raise_for_status()

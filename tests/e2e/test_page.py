@@ -71,7 +71,7 @@ def test_dropped_file_is_rendered_and_pixels_equal_film(farm: Farm, watched: Wat
     render.click()
 
     # Samples arrive while the job renders. A cancelled job keeps its picture.
-    expect(page.locator(".big")).to_have_text(re.compile("[1-9]"), timeout=60_000)
+    expect(page.locator(".big")).to_have_text(re.compile("^[1-9]"), timeout=60_000)
     page.get_by_role("button", name="Cancel").click()
     expect(page.locator(".job-page .chip:not(.verdict)")).to_contain_text("Cancelled")
     assert 1 <= samples_shown(page) < ENDLESS_SPP
@@ -185,7 +185,7 @@ def test_example_renders_in_two_clicks_and_cancelling_keeps_picture(farm: Farm, 
     page.goto(farm.url)
     page.get_by_role("button", name="Spheres", exact=True).click()
     page.get_by_role("button", name="Render").click()
-    expect(page.locator(".big")).to_have_text(re.compile("[1-9]"), timeout=60_000)
+    expect(page.locator(".big")).to_have_text(re.compile("^[1-9]"), timeout=60_000)
     page.get_by_role("button", name="Cancel").click()
     expect(page.locator(".job-page .chip:not(.verdict)")).to_contain_text("Cancelled")
     assert samples_shown(page) >= 1

@@ -41,7 +41,12 @@ def test_palette_finds_pages_scenes_and_jobs(many: Service, watched: Watched) ->
     keys.press("Enter")
     expect(page).to_have_url(re.compile(r"#/jobs/\w+"))
 
+    # On a picture, what can be done with it comes first.
+    page.locator(".job-title").wait_for()
     keys.press("Control+k")
+    expect(options.filter(has_text="Compare with another picture")).to_be_visible()
+    groups = page.get_by_role("dialog").get_by_role("group").evaluate_all("all => all.map((each) => each.ariaLabel)")
+    assert groups[:2] == ["This picture", "Pages"]
     keys.type("cor")
     expect(page.get_by_role("group", name="Examples").get_by_role("option", name="Cornell box", exact=True)).to_be_visible()
     field.fill("layouts the page")

@@ -12,9 +12,10 @@ DUE = """
     const look = a.look && { total: a.look };
     const state = { value: { channel: "denoised", waiting: false, error: a.failed ? new Error("503") : null } };
     const previewAt = performance.now() + (a.failed ?? 0);
-    const live = { film, look, clean: a.clean, isAgain: a.again, side: 2, isRendering: a.rendering ?? true };
+    const live = { film, look, clean: a.clean, worth: a.worth, isAgain: a.again, side: 2, isRendering: a.rendering ?? true };
     const coveredAt = a.waited && performance.now() - a.waited;
-    return m.PictureSide.prototype.isPreviewDue.call({ live, state, coveredAt, previewAt, madeOf: a.made ?? Infinity });"""
+    const side = { live, state, coveredAt, previewAt, previewFrom: a.from ?? Infinity, madeOf: a.made ?? Infinity };
+    return Object.assign(Object.create(m.PictureSide.prototype), side)[a.noise ? "isNoiseDue" : "isPreviewDue"]();"""
 
 
 def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> None:
@@ -26,14 +27,31 @@ def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> N
     assert is_due(tiles=[[0, 1], [2, 1]], hidden=True) is False, "the page is hidden"
     assert is_due(tiles=[[0, 1], [2, 1]], rendering=False) is False
     for start in ({"look": 32}, {"clean": "data:,"}):
-        assert is_due(tiles=[[0, 15], [2, 40]], **start) is False, "denoising few samples smears, and the start is sharp"
-        assert is_due(tiles=[[0, 16], [2, 16]], **start) is True
-        assert is_due(tiles=[[0, 4], [2, 4]], waited=9000, **start) is True, "the job's picture is to be seen at last"
-        assert is_due(tiles=[[0, 3], [2, 4]], waited=9000, **start) is False
+        assert is_due(tiles=[[0, 1], [2, 1]], worth=0, **start) is True, "the start is of another light"
+        assert is_due(tiles=[[0, 3], [2, 9]], worth=4, **start) is False, "the start is sharper"
+        assert is_due(tiles=[[0, 1], [2, 9]], worth=4, waited=3000, **start) is True
+        assert is_due(tiles=[[0, 15], [2, 40]], worth=16, **start) is False, "few samples smear, and the start is clear"
+        assert is_due(tiles=[[0, 16], [2, 16]], worth=16, **start) is True
+        assert is_due(tiles=[[0, 4], [2, 4]], worth=16, waited=9000, **start) is True, "the job's picture is to be seen at last"
+        assert is_due(tiles=[[0, 3], [2, 4]], worth=16, waited=9000, **start) is False
     assert is_due(tiles=[[0, 8], [2, 8]], look=9999, again=True) is False, "an earlier picture is better"
     assert is_due(tiles=[[0, 8], [2, 8]], look=64, again=True) is True
     assert is_due(tiles=[[0, 4], [2, 4]], made=17) is False
     assert is_due(tiles=[[0, 4], [2, 4]], made=16) is True
+
+
+def test_film_is_shown_with_its_noise_if_no_denoised_picture_comes(node: Node) -> None:
+    def is_due(waited: int, **given: object) -> object:
+        return node.call("film/picture-side", DUE, {"noise": True, "tiles": [[0, 1], [2, 1]], "waited": waited, **given})
+
+    assert is_due(1500, clean="data:,", worth=0) is False, "a denoised one may come"
+    assert is_due(2500, clean="data:,", worth=0) is True, "what is shown is of another light or camera"
+    assert is_due(2500, clean="data:,", worth=0, tiles=[[0, 1]]) is False, "half of it is black"
+    assert is_due(2500, clean="data:,", worth=4) is False, "noise is worse than the preview mesh"
+    assert is_due(6000, clean="data:,", worth=4) is True
+    assert is_due(60_000, clean="data:,", worth=16) is False, "a clear picture of the same view is better"
+    assert is_due(2500) is False, "the poster is of the same picture"
+    assert is_due(6000) is True
 
 
 def test_failed_preview_is_asked_for_again(node: Node) -> None:
@@ -41,6 +59,12 @@ def test_failed_preview_is_asked_for_again(node: Node) -> None:
     enough = {"tiles": [[0, 4], [2, 4]], "made": 8}
     assert node.call("film/picture-side", DUE, {**enough, "failed": 5000}) is False
     assert node.call("film/picture-side", DUE, {**enough, "failed": -1}) is True
+
+
+def test_unchanged_preview_is_asked_for_again_once_its_samples_have_quadrupled(node: Node) -> None:
+    rests = {"tiles": [[0, 4], [2, 4]], "made": 8, "failed": 3000}
+    assert node.call("film/picture-side", DUE, {**rests, "from": 33}) is False
+    assert node.call("film/picture-side", DUE, {**rests, "from": 32}) is True
 
 
 FAILS = """
@@ -64,7 +88,7 @@ def test_preview_rests_after_a_failure(node: Node) -> None:
 LOOKS = """
     const value = { channel: "denoised", isPreview: true, isLast: false };
     const state = { value, update: (change) => (state.value = change(state.value)) };
-    const idle = { isPreviewDue: () => false, isLastDue: () => false, layer: {} };
+    const idle = { isPreviewDue: () => false, isLastDue: () => false, showsNoise: () => false, fetched: {}, layer: {} };
     m.PictureSide.prototype.lookAgain.call({ ...idle, state, live: { isRendering: a } });
     return state.value.isLast;"""
 

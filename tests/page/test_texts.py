@@ -46,6 +46,16 @@ def test_single_letter_shortcuts_can_be_disabled(node: Node) -> None:
     assert node.call("shell/shortcuts", body) == [*all_of_them, "ArrowUp", "Escape", False, *all_of_them]
 
 
+def test_shortcuts_have_groups_which_the_help_lists(node: Node) -> None:
+    body = """
+        const shortcut = (keys, shown) => ({ keys, does: keys, get shown() { return shown; }, run: () => {} });
+        const offs = [m.addShortcuts([shortcut("P", null)], "picture"), m.addShortcuts([shortcut("U", "u")])];
+        const listed = m.shortcuts().map(({ keys, shown, group }) => [keys, shown, group]);
+        for (const off of offs) off();
+        return [listed, m.shortcuts()];"""
+    assert node.call("shell/shortcuts", body) == [[["P", None, "picture"], ["U", "u", "page"]], []]
+
+
 def test_durations_are_formatted_briefly(node: Node) -> None:
     times = node.call("base/format", "return a.map(m.clock);", [7, 125, 3725, 47 * 3600, 622 * 3600 + 1098])
     assert times == ["0:07", "2:05", "1:02:05", "47:00:00", "25 d 22 h"]

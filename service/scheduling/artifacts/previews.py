@@ -14,6 +14,7 @@ __all__ = ["DenoisedPreviews"]
 REST = 19.0  # times the slot-seconds of the last preview until the farm makes another: previews take a twentieth of its time
 EARLY_REST = 4.0  # the same after a rough preview, of fewer samples per pixel than EARLY_SAMPLES: a fifth
 EARLY_SAMPLES = 64
+EARLY_GROWTH = 4  # growth of the samples after which a rough preview is renewed without a rest: at about 1, 4, 16 and 64 samples
 MOST_SECONDS = 60.0  # that a preview counts, whatever its worker reports
 
 
@@ -21,7 +22,8 @@ class DenoisedPreviews(Denoising):
     """Denoised previews, renewed as samples come.
 
     A frame's first preview is made at once; it is renewed when its samples have doubled. All renewals together take at most a
-    twentieth of the time of the slots that can denoise, below EARLY_SAMPLES samples per pixel at most a fifth.
+    twentieth of the time of the slots that can denoise, below EARLY_SAMPLES samples per pixel at most a fifth, except the few
+    after which a frame has EARLY_GROWTH times the samples: a picture's first minute is watched.
     """
 
     _rests_until = 0.0
@@ -33,18 +35,14 @@ class DenoisedPreviews(Denoising):
         doubled. Raises Unavailable if one is due and no worker can denoise.
         """
         made = self._made.get((request.job, request.frame))
-        if made is None or not self._is_recent(made, samples, is_final):
+        if made is None or not self._is_recent(made, samples, request.width * request.height, is_final):
             return self.request(request)
         return self.request(request, made.version)  # that one, if its blob is still there
 
-    def existing(self, job: str, frame: int) -> ArtifactResult | None:
-        """Returns the frame's latest preview, also if another is due; None if there is none. Thread-safe; may be slow."""
-        made = self._made.get((job, frame))
-        return made if made is not None and self._blobs.exists(made.sha256) else None
-
-    def _is_recent(self, made: ArtifactResult, samples: int, is_final: bool = False) -> bool:
+    def _is_recent(self, made: ArtifactResult, samples: int, pixels: int, is_final: bool = False) -> bool:
         """Returns True if the preview is not to be renewed now. A film that was lost and begun again has fewer samples."""
-        rests = not is_final and time.monotonic() < self._rests_until
+        has_grown = made.samples < EARLY_SAMPLES * pixels and samples >= EARLY_GROWTH * made.samples
+        rests = not is_final and not has_grown and time.monotonic() < self._rests_until
         return made.samples <= samples and (samples < 2 * made.samples or rests)
 
     def _record_made(self, result: ArtifactResult, request: DenoiseFrame) -> None:

@@ -8,6 +8,7 @@ import { jobs } from "../news/farm.js";
 import { references } from "../news/references.js";
 import { reached, settingOf, valueText } from "../news/settings-table.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
+import { channelWord } from "./job-differences.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -71,6 +72,7 @@ export function sideChoice(letter, state, { picture: job, channel, at }, moments
     steps.hidden = steps.length < 2;
     channels.disabled = isUploaded || asked !== null;
     channels.title = channels.disabled ? t("Only its colour was kept") : "";
+    setText(/** @type {HTMLOptionElement} */ (channels.options[0]), channelWord("", [now.left, now.right])); // as the tags on the picture
     channels.value = channels.disabled ? "" : now[channel];
   };
   life.add(moments.of.subscribe(show));

@@ -4,9 +4,9 @@
 
 /**
  * isPrevious: whether it is a whole picture of the same view, shown until the job's own is as good. isSame: whether it is of the job's view; else the camera has turned since. clean: URL of what was shown in place of the film until
- * it is denoised; "": the film was shown. place: where the whole picture was, in CSS pixels of the window.
+ * it is denoised; "": the film was shown. worth: samples per pixel of a denoised picture that looks as good; 0 if the camera or the scene has changed since. place: where the whole picture was, in CSS pixels of the window.
  *
- * @typedef {{film: Film, isSame: boolean, clean: string, isPrevious?: boolean, place?: DOMRect}} FirstLook
+ * @typedef {{film: Film, isSame: boolean, clean: string, worth?: number, isPrevious?: boolean, place?: DOMRect}} FirstLook
  */
 
 /** @type {(FirstLook & {job: string}) | null} */

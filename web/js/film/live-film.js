@@ -82,6 +82,10 @@ export class LiveFilm {
     this.isAgain = this.look !== null && first?.isPrevious === true;
     /** URL of a picture without noise that is shown until the job's own is denoised; "": none. */
     this.clean = (job.denoise && first?.clean) || "";
+    /** Samples per pixel of a denoised picture that looks as good as `look` or `clean`; 0: neither is there, or it is of another camera or light. */
+    this.worth = first?.worth ?? 0;
+    /** Whether the service had a denoised picture of the frame when the page was opened. */
+    this.isDenoisedStored = frame === firstFrame(job) && job.frames?.[0]?.denoised === true;
     /** Where the page before had the picture; null: nowhere. @type {DOMRect | null} */
     this.place = first?.place ?? null;
     /** Whether a poster is shown until the film is here. */

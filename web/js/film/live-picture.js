@@ -121,7 +121,7 @@ const isSmall = ({ width }) => (width ?? 0) <= CARD_WIDTH;
 
 /**
  * Returns the URLs of a job's picture until its film is here: the small copy that a list has shown, one of about the stage's size, and
- * its latest denoised preview in full resolution.
+ * its latest denoised preview in full resolution, if one is stored.
  *
  * @param {Job} job
  * @param {number} frame
@@ -137,5 +137,6 @@ function posterOf(job, frame, { exposure, curve, channel }) {
   const url = (/** @type {Record<string, string | number>} */ query) => imageUrl({ job: id, frame }, thumbnailFormat(job), { ...query, ...look });
   const nearest = isUsual && frame === firstFrame(job) ? shownUrl(jobRowOf(id)) : "";
   const isWhole = nearest !== "" && isSmall(job);
-  return { nearest, near: isWhole ? nearest : url({ width: POSTER_WIDTH }), clean: url({ denoise: "true", preview: "true", wait: "false" }) };
+  const isStored = frame === firstFrame(job) && job.frames?.[0]?.denoised === true;
+  return { nearest, near: isWhole ? nearest : url({ width: POSTER_WIDTH }), clean: isStored ? url({ denoise: "true", preview: "true", wait: "false" }) : "" };
 }

@@ -13,9 +13,9 @@ import { Store } from "../base/store.js";
 
 /**
  * The source of a side's pictures: a job's growing film, or another object with the same interface. `job` is "" if there
- * is no job. `isRendering`, `look`, `clean`, `isAgain`, `hasPoster` and `side` are those of a LiveFilm. `hasSamples` is false for a picture that no farm has rendered. `isTransparent` is true if it has an alpha plane.
+ * is no job. `isRendering`, `look`, `clean`, `worth`, `isAgain`, `hasPoster`, `isDenoisedStored` and `side` are those of a LiveFilm. `hasSamples` is false for a picture that no farm has rendered. `isTransparent` is true if it has an alpha plane.
  *
- * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean, isTransparent?: boolean, isRendering?: boolean, look?: Film | null, clean?: string, isAgain?: boolean, hasPoster?: boolean, side?: number}} FilmSource
+ * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean, isTransparent?: boolean, isRendering?: boolean, look?: Film | null, clean?: string, worth?: number, isAgain?: boolean, hasPoster?: boolean, isDenoisedStored?: boolean, side?: number}} FilmSource
  */
 
 /** Minimum interval between refreshes of a stale picture. */
@@ -25,13 +25,15 @@ const SETTLE_MS = 300;
 const PREVIEW_MS = 400;
 /** Time after which a preview that could not be made or fetched is asked for again. */
 const FAILED_MS = 10_000;
+/** Samples per pixel that the picture with which the job began is worth if it is clear. */
+const CLEAR = 16;
 /**
- * Samples per pixel of every tile from which a preview replaces the picture that the job began with: with fewer, denoising smears and
- * frays. After START_MS with samples everywhere, a preview of fewer does; it shows the scene's light as the job renders it.
+ * Time, in milliseconds, after which a preview of a quarter of the samples that the first picture is worth replaces it: of a rough one, and
+ * of a clear one, since denoising few samples smears and frays.
  */
-const [ENOUGH_SAMPLES, FEW_SAMPLES, START_MS] = [16, 4, 8000];
-/** Time, in milliseconds, after which a finished picture is shown with its noise, if the denoised one has not come. */
-const NOISE_AFTER_MS = 5000;
+const [ROUGH_MS, CLEAR_MS] = [2000, 8000];
+/** Time, in milliseconds, after which the noise is shown if no denoised picture has come: in place of a picture of another camera or light, and of a rough one. */
+const [STALE_MS, NOISE_AFTER_MS] = [2000, 5000];
 
 /**
  * @typedef {object} SideState
@@ -78,14 +80,16 @@ export class PictureSide {
     this.isPreview = false;
     /** When the next preview may be asked for. */
     this.previewAt = 0;
+    /** Samples of the film from which it may be asked for before that: service/scheduling/artifacts/previews.py renews few samples at once. */
+    this.previewFrom = Infinity;
     /** When every tile first had samples. @type {number | undefined} */
     this.coveredAt = undefined;
+    /** Samples per pixel of the noisy film that its tag states. */
+    this.toldSpp = 0;
     this.timer = setInterval(() => this.isOld() && void this.fetch(), EVERY_MS);
     this.previewTimer = setInterval(() => this.lookAgain(), PREVIEW_MS);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.settling = undefined;
-    /** @type {ReturnType<typeof setTimeout> | undefined} */
-    this.holding = undefined;
     this.unturn = live.onTurn(() => this.turned());
     const outgrow = () => {
       const { channel, stale } = this.state.value;
@@ -131,24 +135,43 @@ export class PictureSide {
   /** Whether a preview is to be fetched: of every tile, better than what is shown (also than the picture that the job began with), and while the page is seen. */
   isPreviewDue() {
     const { channel, waiting } = this.state.value;
-    const { film, look, clean, isAgain, side = 0, isRendering } = this.live;
-    if (channel !== DENOISED || !isRendering || waiting || document.hidden || performance.now() < this.previewAt) return false;
+    const { film, look, worth = 0, isAgain, isRendering } = this.live;
+    const isSoon = performance.now() < this.previewAt && film.total < this.previewFrom;
+    if (channel !== DENOISED || !isRendering || waiting || document.hidden || isSoon) return false;
     if (this.madeOf !== Infinity) return film.total >= 2 * this.madeOf;
-    const least = side > 0 ? Math.min(...film.tileSamples(side)) : 0;
+    const { least, waited } = this.coverage();
     if (least === 0) return false;
-    this.coveredAt ??= performance.now();
     if (isAgain && look) return film.total >= look.total;
-    if (!look && !clean) return true;
-    return least >= ENOUGH_SAMPLES || (least >= FEW_SAMPLES && performance.now() - this.coveredAt > START_MS);
+    return least >= worth || (least >= worth / 4 && waited > (worth < CLEAR ? ROUGH_MS : CLEAR_MS));
   }
 
-  /** Fetches a denoised picture that is due; until the first has come, shows the film once it has less noise than the live view's picture. */
+  /** Whether the film is to be shown with its noise, since no denoised picture has come in time. A clear picture of the same view stays, and so does an earlier one. */
+  isNoiseDue() {
+    const { film, look, clean, worth = 0, isAgain } = this.live;
+    if (look && !look.isDenoised && perPixel(film) > perPixel(look)) return true;
+    const { waited } = this.coverage();
+    const isStale = worth < 1 && Boolean(look || clean);
+    return !isAgain && worth < CLEAR && waited > (isStale ? STALE_MS : NOISE_AFTER_MS);
+  }
+
+  /** Returns the least samples per pixel of all tiles, and the time in milliseconds since every tile has some, or since the film of a job that has stopped is here. */
+  coverage() {
+    const { film, side = 0, isRendering } = this.live;
+    const least = side > 0 ? Math.min(...film.tileSamples(side)) : 0;
+    const isCovered = least > 0 || (!isRendering && film.total > 0);
+    this.coveredAt = isCovered ? (this.coveredAt ?? performance.now()) : undefined; // another frame begins anew
+    return { least, waited: performance.now() - (this.coveredAt ?? Infinity) };
+  }
+
+  /** Fetches a denoised picture that is due; until the first has come, shows the film where it is better than what stands in for it. */
   lookAgain() {
-    const { film, look } = this.live;
-    if (look && this.layer.film === look && this.awaitsDenoised() && perPixel(film) > perPixel(look)) {
-      this.layer.setFilm(film, { fades: true });
-      this.state.update((state) => ({ ...state }));
-    }
+    const { film } = this.live;
+    const isHeldBack = this.state.value.channel === DENOISED && !this.fetched && this.layer.film !== film;
+    const isShown = isHeldBack && this.isNoiseDue();
+    if (isShown) this.layer.setFilm(film, { fades: true });
+    const spp = this.showsNoise() ? Math.floor(perPixel(film)) : 0;
+    if (isShown || spp !== this.toldSpp) this.state.update((state) => ({ ...state }));
+    this.toldSpp = spp;
     const { isPreview, isLast } = this.state.value;
     if (isPreview && !isLast && this.live.isRendering === false) this.state.update((state) => ({ ...state, isLast: true })); // it is not renewed again
     if (this.isPreviewDue() || this.isLastDue()) void this.fetch();
@@ -162,6 +185,11 @@ export class PictureSide {
   /** Whether what is shown in place of the denoised picture still has its noise. */
   awaitsDenoised() {
     return this.state.value.channel === DENOISED && !this.fetched && this.layer.film?.isDenoised === false;
+  }
+
+  /** Whether the film is shown with its noise until it is denoised. */
+  showsNoise() {
+    return this.awaitsDenoised() && this.layer.film === this.live.film;
   }
 
   /** Whether the picture of an earlier job is shown. */
@@ -187,10 +215,11 @@ export class PictureSide {
     return !hasPoster && !this.fetched && !this.layer.image && film.total === 0 && !this.showsStart();
   }
 
-  /** Samples per pixel of the denoised picture that is shown while the job renders; null for other pictures. */
+  /** Samples per pixel of the denoised picture that is shown while the job renders, or of an older one; null for other pictures. */
   previewSpp() {
     const { film, isRendering } = this.live;
-    if (this.state.value.channel !== DENOISED || !this.fetched || !isRendering || !Number.isFinite(this.madeOf)) return null;
+    if (this.state.value.channel !== DENOISED || !this.fetched || !Number.isFinite(this.madeOf)) return null;
+    if (!isRendering && film.total <= this.madeOf) return null;
     return Math.max(1, Math.floor(this.madeOf / (film.width * film.height)));
   }
 
@@ -198,10 +227,7 @@ export class PictureSide {
   holdPoster() {
     const { film, hasPoster } = this.live;
     if (!hasPoster || !(film.isBlank || film.isPartial)) return;
-    const blank = new Film(film.width, film.height);
-    this.layer.setFilm(blank);
-    clearTimeout(this.holding);
-    this.holding = setTimeout(() => this.layer.film === blank && this.layer.setFilm(film), NOISE_AFTER_MS);
+    this.layer.setFilm(new Film(film.width, film.height));
   }
 
   /** What is shown until the first denoised picture has come: not the noise, if something better was shown before. */
@@ -289,14 +315,20 @@ export class PictureSide {
         const { width, height } = this.live.film;
         /** @type {Record<string, string>} */
         const wish = channel === DENOISED ? { denoise: "true", ...(wantsPreview && { preview: "true" }) } : { aov: channel };
-        const { words, samples, isPreview } = await fetchWords(this.live, wish, signal);
-        if (signal.aborted) return;
-        this.isPreview = isPreview;
-        this.state.update((state) => ({ ...state, isPreview }));
-        this.previewAt = performance.now() + (samples === this.madeOf ? EVERY_MS : 0); // the farm made no other yet
-        this.madeOf = samples;
-        this.fetched = new Film(width, height, words);
-        this.layer.setFilm(this.fetched, { fades: channel === DENOISED });
+        const show = (/** @type {Awaited<ReturnType<typeof fetchWords>>} */ { words, samples, isPreview }) => {
+          if (signal.aborted) return;
+          this.isPreview = isPreview;
+          const isUnchanged = samples === this.madeOf; // the farm made no other yet
+          this.previewAt = performance.now() + (isUnchanged ? EVERY_MS : 0);
+          this.previewFrom = isUnchanged && this.live.film.total < 4 * samples ? 4 * samples : Infinity;
+          this.madeOf = samples;
+          this.fetched = new Film(width, height, words);
+          this.layer.setFilm(this.fetched, { fades: channel === DENOISED });
+          this.state.update((state) => ({ ...state, isPreview }));
+        };
+        // A stored one comes at once; a better one needs a worker, which may be long in coming.
+        if (wantsPreview && !this.fetched && this.live.isDenoisedStored) await fetchWords(this.live, { ...wish, wait: "false" }, signal).then(show, () => {});
+        if (!signal.aborted) show(await fetchWords(this.live, wish, signal));
       } else {
         const { image, samples, span } = await fetchImage(this.live, { aov: channel }, signal);
         if (signal.aborted) return image.close();
@@ -307,6 +339,7 @@ export class PictureSide {
     } catch (error) {
       if (signal.aborted) return;
       this.previewAt = performance.now() + FAILED_MS;
+      this.previewFrom = Infinity;
       if (channel === DENOISED && !this.fetched) this.layer.setFilm(this.live.film);
       this.state.update((state) => ({ ...state, error }));
     } finally {
@@ -332,7 +365,6 @@ export class PictureSide {
     clearInterval(this.timer);
     clearInterval(this.previewTimer);
     clearTimeout(this.settling);
-    clearTimeout(this.holding);
     cancelAnimationFrame(this.mixing);
     this.unturn();
     this.fetching.abort();

@@ -103,7 +103,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
     const both = seen.every(Boolean);
     for (const i of /** @type {const} */ ([0, 1])) {
       const side = parts[i]?.side;
-      const { channel = "", waiting = false, isImproved = false, isPreview = false } = side?.state.value ?? {};
+      const { channel = "", waiting = false, isImproved = false, isPreview = false, error = null } = side?.state.value ?? {};
       const given = (i ? right : left)?.name;
       const name = given ?? channelOf(channel).label;
       const tag = /** @type {HTMLElement} */ (tags[i]);
@@ -111,6 +111,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
       if (side?.showsEarlier()) setText(tag, t("Earlier picture, until this one is as clear"));
       else if (side?.showsRawMix()) setText(tag, `${t("Light mix")}${waiting ? " …" : ""}`);
       else if (side?.showsStart()) setText(tag, t("Preview"));
+      else if (side?.showsNoise() && side.toldSpp && !given && !error) setText(tag, tn(side.toldSpp, "{n} sample, not denoised yet", "{n} samples, not denoised yet"));
       else if (side?.awaitsDenoised() && !given) setText(tag, waiting ? t("Denoising …") : t("Raw"));
       else if (spp !== null && !given) setText(tag, tn(spp, "{name}, {n} sample", "{name}, {n} samples", { name, n: count(spp) }));
       else setText(tag, `${name}${(waiting && !isImproved) || isPreview || side?.awaitsDenoised() ? " …" : ""}`);

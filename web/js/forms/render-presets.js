@@ -5,7 +5,7 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Worker} Worker */
 
 export const SIZES = [
-  { name: "preview", label: t("Preview"), long: 960 },
+  { name: "small", label: t("Small"), long: 960 },
   { name: "hd", label: "HD", long: 1280 },
   { name: "full-hd", label: "Full HD", long: 1920 },
   { name: "4k", label: "4k", long: 3840 },

@@ -66,7 +66,7 @@ export function stageKeys({ view, display, normalise, usual = 0, inShot = false 
  * @param {() => import("../base/types.js").Job} parts.job
  * @param {import("../base/store.js").Store<import("./display-panel.js").Display>} parts.display
  * @param {boolean} [parts.inShot] Space plays it
- * @returns {Shortcut[]}
+ * @returns {{picture: Shortcut[], view: Shortcut[]}}
  */
 export function jobKeys({ job, display, inShot = false }) {
   const outline = () => display.update((look) => ({ ...look, outlines: !look.outlines }));
@@ -103,13 +103,18 @@ export function jobKeys({ job, display, inShot = false }) {
       announce(part ? hint : t("Colour"));
     },
   }));
-  return [
-    ...parts,
-    ...planes,
+  const picture = [
+    {
+      keys: "P",
+      does: t("Pause or resume rendering"),
+      get shown() {
+        return job().state === "finished" ? null : "P";
+      },
+      run: () => pauseOrResume(job()),
+    },
+    { keys: "M", does: t("More samples"), run: () => moreSamples(job()) },
     { keys: "D", does: t("Denoise: off, split, on"), run: denoise },
     { keys: "C", does: t("Compare with another picture"), run: compare },
-    { keys: "T", does: t("Outline the tiles being rendered"), run: outline },
-    { keys: "P", does: t("Pause or resume rendering"), run: () => pauseOrResume(job()) },
-    { keys: "M", does: t("More samples"), run: () => moreSamples(job()) },
   ];
+  return { picture, view: [...parts, ...planes, { keys: "T", does: t("Outline the tiles being rendered"), run: outline }] };
 }

@@ -351,6 +351,14 @@ export class Cover {
     return this.isMeshShown ? meshPicture(this.mesh) : this.meanwhile.url;
   }
 
+  /** Returns the samples per pixel of a denoised picture that looks as good as what is shown in place of the canvas; 0 if that shows another camera or light. */
+  worth() {
+    const { meanwhile, mesh } = this;
+    if (!this.isMeshShown) return meanwhile.isClear ? POSTER_SPP : meanwhile.isFinished && meanwhile.isSame ? SHARP_SPP : 0;
+    if (this.isChanged) return 0;
+    return !this.hasKept ? SHARP_SPP : mesh.distance === 0 ? POSTER_SPP : 0;
+  }
+
   dispose() {
     this.isDisposed = true;
     clearTimeout(this.uncovering);

@@ -33,7 +33,7 @@ export function frameHand(scene, { view, aspect, bounds, turn }) {
     undoable(t("The whole scene is framed"), { commit: () => {}, undo: () => turn(before) });
   };
   const element = h("button", { class: "button small view-frame", type: "button", title: t("Frame the scene (F)"), "aria-label": t("Frame the scene"), hidden: true, onclick: frame }, icon("fit"), h("span", null, t("Frame the scene")));
-  const endKey = addShortcuts([{ keys: "F", does: t("Frame the scene"), run: frame }]);
+  const endKey = addShortcuts([{ keys: "F", does: t("Frame the scene"), run: frame }], "view");
   return {
     element,
     frame,

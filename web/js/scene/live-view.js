@@ -193,6 +193,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   /** Id of the view whose picture or draft the canvas shows, of the latest one with SHARP_SPP samples per pixel or done, and of the latest one that was clear. */
   let [shownId, settledId, clearId] = /** @type {(number | null)[]} */ ([null, null, null]);
   let lookedAt = -Infinity;
+  /** Samples per pixel of the denoised picture in the canvas; 0: it has noise. */
+  let shownSpp = 0;
 
   const pictureId = () => Number(surface.dataset.view);
   /** Whether the view's picture has another projection, from which the present one cannot be computed. */
@@ -259,6 +261,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       cover.judge({ mean, shown, done, denoised, isLatest, share: film.film.width / size.width, light: next.light }, requests.get(id ?? 0));
       followCover();
       setDenoised(denoised);
+      shownSpp = denoised ? shown : 0;
       if (isLatest && (done || (denoised && shown >= SHARP_SPP))) clearId = id;
       if (id !== null && isLatest && pictureId() === id && (done || mean >= WHOLE_SPP)) dark.explain(id, done || mean >= BLACK_SPP);
       meanwhile.steps.follow(mean, CLEAR_SPP, saidOf(found, "message"), cover.willBeDenoised());
@@ -393,7 +396,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     refresh,
     look: () => hand.look.value,
     setLook: ({ exposure, curve }) => hand.restore(exposure, curve),
-    firstLook: () => ({ film: film.film, isSame: !link.pending && pictureId() === link.id, clean: cover.pictureUrl() }),
+    firstLook() {
+      const isSame = !link.pending && pictureId() === link.id;
+      return { film: film.film, isSame, clean: cover.pictureUrl(), worth: cover.isInstead ? cover.worth() : isSame ? shownSpp : 0 };
+    },
     dispose() {
       keepClear();
       removeEventListener("pagehide", keepClear);

@@ -145,7 +145,7 @@ export function takes(scene, { state, picture, restore }) {
   };
 
   life.add(onParams(follow));
-  life.add(addShortcuts([{ keys: "T", does: t("Save a take"), run: () => void keep() }]));
+  life.add(addShortcuts([{ keys: "T", does: t("Save a take"), run: () => void keep() }], "picture"));
   life.every(TICK_MS, show);
   show();
   return {

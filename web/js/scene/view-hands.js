@@ -122,7 +122,7 @@ export function viewHands({ scene, form, frame, surface, instead, seen, size, pi
         return instead().isOpen ? null : keys;
       },
     })),
-  ]);
+  ], "view");
   const placeSun = () => (tools.choose("sun"), surface.scrollIntoView({ block: "nearest" }), surface.focus({ preventScroll: true }));
   form.element.addEventListener(PLACE_SUN, placeSun);
   // The light tool also works over the stage, which otherwise pans its picture.

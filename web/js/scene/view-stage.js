@@ -109,7 +109,7 @@ export function viewStage({ scene, sides, live, look, names, changed }) {
         { keys: "+", does: t("Zoom in"), run: zoom(1) },
         { keys: "-", does: t("Zoom out"), run: zoom(-1) },
         { keys: "X", does: t("Swap left and right"), run: swap },
-      ]),
+      ], "view"),
     );
     fill(element, stage.element);
     fill(status, stage.statusBar);

@@ -12,6 +12,9 @@ export const FIRST_STEPS = `docs/guides/first-steps${language === "de" ? ".de" :
 /** Names of keys in the language of the page. @type {Record<string, string>} */
 const KEY_NAMES = { Ctrl: t("Ctrl"), Delete: t("Del"), Enter: t("Enter"), Escape: t("Esc"), Shift: t("Shift"), Space: t("Space") };
 
+/** The groups of shortcuts, in order. @type {[import("./shortcuts.js").Group, string][]} */
+const GROUPS = [["view", t("View")], ["picture", t("Picture")], ["page", t("Page")]];
+
 /** Opens the dialog. Escape, its button or a click outside closes it. */
 export function showHelp() {
   const close = h(
@@ -20,6 +23,7 @@ export function showHelp() {
     icon("close"),
   );
   const letters = h("input", { type: "checkbox", checked: hasLetterShortcuts(), onchange: () => setLetterShortcuts(letters.checked) });
+  const listed = shortcuts().filter(({ keys, shown }) => keys && shown !== null);
   const dialog = h(
     "dialog",
     {
@@ -40,31 +44,21 @@ export function showHelp() {
         h("a", { href: "docs/" }, t("API documentation")),
         table.value?.version && h("span", { class: "quiet number" }, `Rayfarm ${table.value.version}`),
       ),
-      h("h3", null, t("Keyboard")),
-      h(
-        "dl",
-        { class: "keys" },
-        shortcuts()
-          .filter(({ keys, shown }) => keys && shown !== null)
-          .map(({ keys, shown, does }) =>
-            h(
-              "div",
-              null,
-              h(
-                "dt",
-                null,
-                (shown ?? keys).split(/\+(?=.)/).map((key) => h("kbd", null, KEY_NAMES[key] ?? key)),
-              ),
-              h("dd", null, does),
-            ),
-          ),
-      ),
+      h("div", { class: "key-groups" }, GROUPS.map(([group, label]) => keyList(label, listed.filter((each) => each.group === group)))),
       gestureHelp().map((sentence) => h("p", { class: "quiet" }, sentence)),
       h("label", { class: "check" }, letters, t("Single-letter shortcuts (turn off if you dictate)")),
     ),
   );
   document.body.append(dialog);
   dialog.showModal();
+}
+
+/** Returns the shortcuts of a group under its name; null if there are none. @param {string} label @param {import("./shortcuts.js").Shortcut[]} keys */
+function keyList(label, keys) {
+  if (keys.length === 0) return null;
+  const names = (/** @type {string} */ text) => text.split(/\+(?=.)/).map((key) => h("kbd", null, KEY_NAMES[key] ?? key));
+  const rows = keys.map(({ keys, shown, does }) => h("div", null, h("dt", null, names(shown ?? keys)), h("dd", null, does)));
+  return h("section", { "aria-label": label }, h("h3", null, label), h("dl", { class: "keys" }, rows));
 }
 
 /** Lists mouse and touch gestures of the current view. */

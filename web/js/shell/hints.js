@@ -14,7 +14,7 @@ import { t } from "../base/words.js";
  * @param {string} [label] of the button
  */
 export function command(text, label = t("Copy the command")) {
-  const code = h("code", null, text);
+  const code = h("code", null, text.split(/(?<=\s)/).map((word) => h("span", { class: "word" }, word))); // a line ends between options
   const button = h(
     "button",
     {

@@ -1,4 +1,4 @@
-/** The command palette: pages, actions of the current view, scenes and jobs, found by their names. Ctrl+K opens it. */
+/** The command palette: actions on the picture that is shown, pages, scenes, jobs and other actions, found by their names. Ctrl+K opens it. */
 
 import { findJobs, findScenes, getExamples, getGuides } from "../news/api.js";
 import { fill, h } from "../base/dom.js";
@@ -21,7 +21,7 @@ export const PALETTE_KEYS = "Ctrl+K";
 const MOST = 7; // scenes, and jobs
 const TYPING_MS = 200;
 
-const [PAGES, ACTIONS, SCENES, JOBS, EXAMPLES, GUIDES] = [t("Pages"), t("Actions"), t("Scenes"), t("Jobs"), t("Examples"), t("Guides")];
+const [PICTURE, PAGES, ACTIONS, SCENES, JOBS, EXAMPLES, GUIDES] = [t("This picture"), t("Pages"), t("Actions"), t("Scenes"), t("Jobs"), t("Examples"), t("Guides")];
 
 /**
  * Returns the entries whose label or note has every word, those that begin with the text first.
@@ -56,13 +56,18 @@ function pages(nav) {
   ];
 }
 
+/** @param {boolean} ofPicture whether those on the picture that is shown, else all others @returns {Command[]} what the current view's keys do */
+function keyed(ofPicture) {
+  const listed = shortcuts().filter(({ keys, shown, group }) => shown !== null && keys !== PALETTE_KEYS && keys !== "?" && (group === "picture") === ofPicture);
+  return listed.map(({ keys, shown, does, run }) => ({ group: ofPicture ? PICTURE : ACTIONS, symbol: "play", label: does, note: shown ?? keys, run }));
+}
+
 /** @returns {Command[]} what the current view's keys do, the themes, and the other languages */
 function actions() {
-  const listed = shortcuts().filter(({ keys, shown }) => shown !== null && keys !== PALETTE_KEYS && keys !== "?");
   const themes = THEMES.map(([name, symbol, label]) => ({ group: ACTIONS, symbol, label, run: () => chooseTheme(name) }));
   const others = LANGUAGES.filter(([name]) => name !== language);
   const languages = others.map(([name, own]) => ({ group: ACTIONS, symbol: /** @type {IconName} */ ("globe"), label: own, note: t("Language"), run: () => speak(name) }));
-  return [...listed.map(({ keys, shown, does, run }) => ({ group: ACTIONS, symbol: /** @type {IconName} */ ("play"), label: does, note: shown ?? keys, run })), ...themes, ...languages];
+  return [...keyed(false), ...themes, ...languages];
 }
 
 /** Examples that are no scenes yet, and sections of the guides, once they are loaded. @type {Record<string, Command[]>} */
@@ -91,7 +96,7 @@ function united(known, found) {
  */
 export function showPalette(nav) {
   if (document.querySelector("dialog[open]")) return;
-  const fixed = [...pages(nav), ...actions(), ...layoutCommands()];
+  const fixed = [...keyed(true), ...pages(nav), ...actions(), ...layoutCommands()];
   /** @type {{scenes: import("../base/types.js").Scene[], jobs: import("../base/types.js").Job[]}} */
   const found = { scenes: [], jobs: [] };
   /** @type {Command[]} */

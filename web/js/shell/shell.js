@@ -14,7 +14,7 @@ import { projectMenu } from "./project-menu.js";
 import { linkTo } from "./router.js";
 import { themeButton } from "./theme-button.js";
 import { announce } from "./tray.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** Shorter interruptions are not shown. */
 const LOST_AFTER_MS = 1500;
@@ -86,7 +86,7 @@ export function buildShell(nav) {
     setTally("jobs", running, t("{n} under way", { n: running }));
   });
   workers.subscribe((all) =>
-    setTally("workers", all?.length ?? 0, all?.length ? t("connected") : t("No worker is connected"), all?.length === 0),
+    setTally("workers", all?.length ?? 0, all?.length ? t("{slots} on {workers}", countsOf(all)) : t("No worker is connected"), all?.length === 0),
   );
   buildLostBanner();
   buildBusyBanner();
@@ -98,6 +98,12 @@ export function buildShell(nav) {
     }
   };
 }
+
+/** @param {import("../base/types.js").Worker[]} all */
+const countsOf = (all) => ({
+  slots: tn(all.reduce((sum, { slots }) => sum + slots, 0), "{n} slot", "{n} slots"),
+  workers: tn(all.length, "{n} worker", "{n} workers"),
+});
 
 function buildLostBanner() {
   const banner = h(

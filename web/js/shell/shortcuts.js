@@ -1,4 +1,4 @@
-/** Keyboard shortcuts: each view registers its own with a description, and `?` lists the active ones. */
+/** Keyboard shortcuts: each view registers its own with a description, and `?` lists the active ones in groups. */
 
 /**
  * @typedef {object} Shortcut
@@ -8,8 +8,10 @@
  * @property {() => void} run
  */
 
-/** @type {Set<Shortcut>} */
-const active = new Set();
+/** What a shortcut acts on: how a picture is looked at, the picture or its job, or the page. @typedef {"view" | "picture" | "page"} Group */
+
+/** @type {Map<Shortcut, Group>} */
+const active = new Map();
 
 /** "off" disables shortcuts of a single letter, since dictation types letters (WCAG 2.2, 2.1.4). */
 const LETTERS_KEY = "rayfarm.letters";
@@ -35,18 +37,19 @@ export function setLetterShortcuts(act) {
 
 /**
  * @param {Shortcut[]} shortcuts
+ * @param {Group} [group]
  * @returns {() => void} removes them
  */
-export function addShortcuts(shortcuts) {
-  for (const shortcut of shortcuts) active.add(shortcut);
+export function addShortcuts(shortcuts, group = "page") {
+  for (const shortcut of shortcuts) active.set(shortcut, group);
   return () => {
     for (const shortcut of shortcuts) active.delete(shortcut);
   };
 }
 
-/** @returns {Shortcut[]} */
+/** @returns {(Shortcut & {group: Group})[]} */
 export function shortcuts() {
-  return [...active];
+  return [...active].map(([shortcut, group]) => ({ ...shortcut, group }));
 }
 
 /**
@@ -87,7 +90,8 @@ function dispatch(event) {
   if (/^(Shift\+)?(Arrow|Home|End)/.test(name) && event.target instanceof HTMLElement && event.target.matches(MOVED)) return;
   // With Shift, a digit key types a character that depends on the keyboard.
   const digit = event.shiftKey && /^Digit\d$/.test(event.code) ? `Shift+${event.code.slice(5)}` : name;
-  const found = [...active].findLast(({ keys }) => keys === name) ?? [...active].findLast(({ keys }) => keys === digit);
+  const all = [...active.keys()];
+  const found = all.findLast(({ keys }) => keys === name) ?? all.findLast(({ keys }) => keys === digit);
   if (!found) return;
   event.preventDefault();
   found.run();

@@ -36,7 +36,7 @@ export function stateChip(state) {
     shown = next;
     const [symbol, word] = STATES[next] ?? ["info", next];
     element.className = `chip ${next}`;
-    fill(element, icon(symbol), word);
+    fill(element, icon(symbol), h("span", null, word));
   };
   update(state);
   return { element, update };

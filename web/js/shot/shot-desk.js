@@ -108,7 +108,7 @@ export function shotDesk(job, picture, display, life) {
   began = true;
   life.add(frames.range.subscribe(() => (memory.replan(), memory.fill(), bar.showLoaded())));
   life.add(frames.numbers.subscribe(() => (memory.replan(), memory.fill())));
-  life.add(addShortcuts(shotKeys(frames, player, panel.renderFirst)));
+  life.add(addShortcuts(shotKeys(frames, player, panel.renderFirst), "picture"));
   return {
     bar: bar.element,
     strip,

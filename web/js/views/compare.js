@@ -319,9 +319,9 @@ function open(page, a, b, state) {
       ...{ ...now, exposure: clampExposure(now.exposure + stopsApart(now)), a: now.b, b: now.a, left: now.right, right: now.left, atA: now.atB, atB: now.atA },
       wipe: 1 - now.wipe,
     }));
-  life.add(addShortcuts(stageKeys({ view: stage.view, display: state, normalise })));
-  life.add(addShortcuts(ways.keys));
-  life.add(addShortcuts([{ keys: "X", does: t("Swap left and right"), run: swap }]));
+  life.add(addShortcuts(stageKeys({ view: stage.view, display: state, normalise }), "view"));
+  life.add(addShortcuts(ways.keys, "view"));
+  life.add(addShortcuts([{ keys: "X", does: t("Swap left and right"), run: swap }], "view"));
 
   const frames = compareFrames(shownFilms, () => [latest.a.job, latest.b.job], state, life);
   const progress = /** @type {const} */ (["A", "B"]).map((letter, i) => {
@@ -335,7 +335,7 @@ function open(page, a, b, state) {
     return pictureUrl(picture, channel, at, state.value);
   });
   stage.tools.append(tools.element);
-  life.add(addShortcuts(tools.keys));
+  life.add(addShortcuts(tools.keys, "picture"));
   fill(
     page,
     h(

@@ -11,6 +11,7 @@ import { choose } from "../shell/drops.js";
 import { FIRST_STEPS } from "../shell/help-dialog.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
+import { holdOnLongPress } from "../shell/long-press.js";
 import { here, linkTo, setTitle } from "../shell/router.js";
 import { chosenProject } from "../base/project.js";
 import { mayChange } from "../news/projects.js";
@@ -63,6 +64,7 @@ export function homeView() {
     (job) => {
       const row = jobRow(job);
       row.element.classList.add("card");
+      holdOnLongPress(row.element);
       return row;
     },
   );

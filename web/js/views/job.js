@@ -140,7 +140,6 @@ function open(page, job, life) {
   const histogram = histogramPanel(picture.live, display, life);
   picture.tools.append(tools.element);
   const putAway = { keys: "Escape", does: t("Put the tool away; close the explanation"), run: () => (explained.close(), tools.release()) };
-  life.add(addShortcuts([...title.keys, ...focus.keys, ...pins.keys, ...explained.keys, ...(moments?.keys ?? []), ...tools.keys, ...notes.keys, putAway]));
   const chip = stateChip(job.state);
   const judged = verdictChip();
   const line = progressBar(t("Progress"));
@@ -166,9 +165,10 @@ function open(page, job, life) {
     }),
   );
   if (shot) save.element.append(shot.files);
-  life.add(addShortcuts(stageKeys({ view: picture.view, display, normalise, usual: jobLook(job).exposure, inShot: shot !== null })));
-  life.add(addShortcuts(save.actions));
-  life.add(addShortcuts(jobKeys({ job: () => latest, display, inShot: shot !== null })));
+  const keys = jobKeys({ job: () => latest, display, inShot: shot !== null });
+  life.add(addShortcuts([...keys.picture, ...save.actions, ...title.keys, ...notes.keys, ...tools.keys, ...focus.keys, ...explained.keys, ...(moments?.keys ?? [])], "picture")); // in the palette's order
+  const ofStage = stageKeys({ view: picture.view, display, normalise, usual: jobLook(job).exposure, inShot: shot !== null });
+  life.add(addShortcuts([...ofStage, ...keys.view, ...pins.keys, putAway], "view"));
 
   const tabs = sideTabs(t("Picture"), [
     // What grows while it renders comes last.
@@ -196,19 +196,25 @@ function open(page, job, life) {
   // On a narrow screen below the picture, which then lies where the scene's view did.
   const bar = h("div", { class: "job-bar" });
   const narrow = matchMedia("(max-width: 860px)");
+  const phone = matchMedia("(max-width: 560px)"); // whose width the title needs
+  const others = jobTools(() => latest);
+  const head = heading(job, title.element);
   const arrange = () => {
     keep.element.classList.toggle("icon-button", !narrow.matches);
     keep.element.classList.toggle("button", narrow.matches);
-    if (narrow.matches) return actions.element.append(keep.element), bar.append(chip.element, judged.element, actions.element);
+    bar.append(chip.element, judged.element, actions.element);
+    if (narrow.matches) actions.element.append(keep.element);
+    (phone.matches ? bar : head).append(saveButton, ...others);
+    if (narrow.matches) return;
     title.element.after(chip.element, judged.element);
     saveButton.before(actions.element);
-    page.querySelector(".job-head > .danger")?.before(keep.element);
+    others.at(-1)?.before(keep.element);
   };
-  narrow.addEventListener("change", arrange);
-  life.add(() => narrow.removeEventListener("change", arrange));
+  for (const each of [narrow, phone]) each.addEventListener("change", arrange);
+  life.add(() => [narrow, phone].forEach((each) => each.removeEventListener("change", arrange)));
   fill(
     page,
-    heading(() => latest, title.element, [chip.element, judged.element], [actions.element, saveButton]),
+    head,
     h("div", { class: "job-line" }, line.element),
     picture.element,
     shot?.bar,
@@ -241,17 +247,24 @@ function open(page, job, life) {
 /**
  * The heading above the picture.
  *
- * @param {() => Job} job the latest state
+ * @param {Job} job
  * @param {HTMLElement} title
- * @param {HTMLElement[]} chips
- * @param {HTMLElement[]} actions
  */
-function heading(job, title, chips, actions) {
-  const { id, scene } = job();
+function heading({ scene }, title) {
   const back = { class: "icon-button", href: linkTo("scenes", scene), "aria-label": t("Back to the scene"), title: t("Back to the scene") };
+  return h("header", { class: "job-head" }, h("a", back, icon("back")), title, h("span", { class: "grow" }));
+}
+
+/**
+ * What else is done with the job: comparing, and last deleting it.
+ *
+ * @param {() => Job} job the latest state
+ * @returns {HTMLElement[]}
+ */
+function jobTools(job) {
   const compare = {
     class: "button wide-word",
-    href: linkTo("compare", id),
+    href: linkTo("compare", job().id),
     "aria-label": t("Compare with another picture"),
     title: t("Compare with another picture (C)"),
     onclick: (/** @type {Event} */ event) => followWithFrame(event, isShot(job()) ? here().params.get("frame") : null),
@@ -261,8 +274,7 @@ function heading(job, title, chips, actions) {
     go("jobs");
   };
   const bin = { class: "icon-button danger for-submit", type: "button", "aria-label": t("Delete this picture"), title: t("Delete this picture"), onclick: remove };
-  const tools = [...actions, h("a", compare, icon("compare"), h("span", null, t("Compare"))), h("button", bin, icon("trash"))];
-  return h("header", { class: "job-head" }, h("a", back, icon("back")), title, ...chips, h("span", { class: "grow" }), ...tools);
+  return [h("a", compare, icon("compare"), h("span", null, t("Compare"))), h("button", bin, icon("trash"))];
 }
 
 /** @param {Job} job @param {Disposer} life */

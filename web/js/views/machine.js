@@ -169,9 +169,10 @@ function slotTile() {
     update({ key, slot }) {
       const job = jobs.value?.find(({ id }) => id === slot.job);
       const isIdle = Object.keys(slot).length === 0;
-      rest.hidden = !isIdle && !slot.view;
-      setText(rest, slot.view ? t("Live view") : t("Idle")); // whose picture is only in that view
-      sayWhat(label, slot, job?.name, key);
+      const word = isIdle ? t("Idle") : wordOf(slot);
+      rest.hidden = word === "";
+      setText(rest, word);
+      sayWhere(label, slot, job?.name, key);
       const isKnown = Boolean(job?.width && job.height);
       frame.style.aspectRatio = isKnown ? `${job?.width} / ${job?.height}` : "";
       const [x, y, w, tall] = slot.tile ?? [];
@@ -197,18 +198,27 @@ function slotTile() {
   };
 }
 
+/** Returns what a slot does in place of a job's picture, which would show that; "": it renders one, or prepares a scene, which its label says. @param {Slot} slot */
+function wordOf(slot) {
+  if (slot.view) return t("Live view"); // whose picture is only in that view
+  if (slot.job || slot.scene || slot.hidden) return "";
+  return slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.path_guide ? t("Path guide") : "";
+}
+
 /**
+ * Shows what a slot works for, or its number.
+ *
  * @param {HTMLElement} label
  * @param {Slot} slot
  * @param {string | undefined} name of its job
  * @param {string} key
  */
-function sayWhat(label, slot, name, key) {
+function sayWhere(label, slot, name, key) {
   const [href, text] = slot.job
     ? [linkTo("jobs", slot.job), name ?? t("A picture")]
     : slot.scene
       ? [linkTo("scenes", slot.scene), t("Prepares a scene")]
-      : ["", slot.hidden ? t("Works for a project you cannot see") : slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.path_guide ? t("Path guide") : t("Slot {number}", { number: Number(key) + 1 })];
+      : ["", slot.hidden ? t("Works for a project you cannot see") : t("Slot {number}", { number: Number(key) + 1 })];
   const said = slot.compiling ? t("{text}, compiling", { text }) : text;
   if (label.title === `${href} ${said}`) return;
   label.title = `${href} ${said}`;

@@ -7,6 +7,7 @@ import { h, setFacts, setText } from "../base/dom.js";
 import { jobs, putScene, scenes, setHidden } from "../news/farm.js";
 import { ago, compact } from "../base/format.js";
 import { icon } from "../base/icons.js";
+import { holdOnLongPress } from "../shell/long-press.js";
 import { linkTo } from "../shell/router.js";
 import { markBlack } from "../base/black-image.js";
 import { offer } from "../news/projects.js";
@@ -42,6 +43,7 @@ export function sceneCard(scene) {
     h("div", { class: "body" }, name, h("div", { class: "row" }, chip.element, facts)),
     remove,
   );
+  holdOnLongPress(element);
   return {
     element,
     update(next) {

@@ -285,7 +285,7 @@ function ready(page, scene, life, steps) {
     addShortcuts([
       { keys: "R", shown: "R, Enter", does: t("Render"), run: () => form.element.requestSubmit() },
       { keys: "Enter", shown: null, does: t("Render"), run: () => form.element.requestSubmit() },
-    ]),
+    ], "picture"),
   );
   const sides = sidesFromUrl(life);
   if (steps.isOpen) life.every(200, () => steps.isOpen && steps.render());

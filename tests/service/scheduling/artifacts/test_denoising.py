@@ -48,9 +48,13 @@ def finished(service: Service) -> str:
 @pytest.mark.long
 def test_denoised_picture_is_made_by_worker_and_raw_one_is_unchanged(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
+    frame = f"/api/jobs/{job}/frames/0"
+    assert service.http.get(frame).json()["denoised"] is False
     digest, before = service.digest(job), raw(service, job).content
     answer = raw(service, job, "?denoise=true")
     assert answer.status_code == 200, answer.text
+    assert service.http.get(frame).json()["denoised"] is True
+    assert service.http.get(f"/api/jobs/{job}").json()["frames"][0]["denoised"] is True
     assert answer.headers["x-samples"] == str(64 * 48 * 8)
     color = np.concatenate(list(bands(find_film(job, 0, service.farm), 0, ["color"])))
     expected = color / 2 + np.array([0, 0, 1], np.float32)  # the peer's formula; its albedo is black, its normals are +Z
@@ -224,12 +228,15 @@ def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyP
         (0.0, 999, False),  # the film was lost, and begun again
     ):
         now[0] = 100.0 + after
-        assert task._is_recent(made, samples) is is_recent, (after, samples)
+        assert task._is_recent(made, samples, 15) is is_recent, (after, samples)
     now[0] = 100.0
     task._record_made(made, replace(request, width=50))
     for after, is_recent in ((0.5, True), (0.7, False)):  # of few samples per pixel: 4 * 1.5 s / 10 slots
         now[0] = 100.0 + after
-        assert task._is_recent(made, 2000) is is_recent, after
+        assert task._is_recent(made, 2000, 150) is is_recent, after
+    now[0] = 100.0
+    assert task._is_recent(made, 3999, 150) is True
+    assert task._is_recent(made, 4000, 150) is False, "at 1, 4, 16 and 64 samples without a rest"
 
 
 def problem(answer: httpx.Response, status: int) -> str:
