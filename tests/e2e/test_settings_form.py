@@ -276,6 +276,21 @@ def test_several_scenes_are_a_choice_and_no_warning(page: Page) -> None:
 
 
 @pytest.mark.long
+def test_missing_files_come_first_and_guesses_are_notes(page: Page) -> None:
+    """The line of a scene's warnings begins with the missing files; a scene of which nothing is lost has notes."""
+    guess = {"code": "obj-image-guessed", "params": {"file": "a.obj", "image": "skin.png"}}
+    missing = {"code": "texture-file-missing", "params": {"user": "Material wood", "texture": "oak.png"}}
+    scene = {**SCENE, "warnings": ["Guessed.", "Other.", "Missing."], "codes": {"warnings": [guess, None, missing]}}
+    call(page, "scene/scene-notices", "document.body.replaceChildren(m.warnings(a));", scene)
+    expect(page.locator(".notice.warning .first-warning")).to_have_text("2 warnings Missing: oak.png")
+    page.get_by_text("2 warnings").click()
+    expect(page.get_by_role("list", name="Warnings").get_by_role("listitem")).to_have_text(["Missing.", "Other.", "Guessed."])
+    scene = {**SCENE, "warnings": ["Guessed."], "codes": {"warnings": [guess]}}
+    call(page, "scene/scene-notices", "document.body.replaceChildren(m.warnings(a));", scene)
+    expect(page.locator(".notice.note .first-warning")).to_have_text("1 note Guessed.")
+
+
+@pytest.mark.long
 def test_settings_of_finished_job_are_requested_again(page: Page) -> None:
     """The form for rendering a finished job again requests that job's settings, except those that equal the scene's own."""
     view = settings.View((0.1, 2, 3), (0, 0.5, 0), fov=33, aperture=0.02, focus=2.5)
