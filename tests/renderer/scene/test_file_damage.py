@@ -53,6 +53,7 @@ CUT = " ends before its data does. Copy or export it again ("
         ),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1", CUT + "line 3)"),
         ("a.obj", b"v 0 0 0\nv 1 0\nv 0 1 0\n", ", line 2: "),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 x", ", line 4: 'x' is not a corner of a face"),
         ("a.glb", glb_of_declared_length(60), ": nodes"),
         ("a.fbx", b"no model", " is damaged or not an FBX file. Export it again ("),
     ],
