@@ -65,14 +65,14 @@ def advise_on_options(command: Any) -> None:
     def parse_with_advice(context: Any, arguments: list[str]) -> Any:
         try:
             return parse(context, arguments)
-        except Exception as error:
+        except Exception as raised:
+            error: Any = raised
             if not (hasattr(error, "option_name") and hasattr(error, "possibilities")):  # not about an unknown option
                 raise
             names = [name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)]
+            error.possibilities = None
             if meant := option_for(error.option_name, names):
-                error.message, error.possibilities = f"No such option: {error.option_name}. Use {meant}.", None
-            else:
-                error.possibilities = None
+                error.message = f"No such option: {error.option_name}. Use {meant}."
             raise
 
     command.parse_args = parse_with_advice

@@ -15,6 +15,12 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 /** @typedef {import("../film/light-mix.js").Strip} Strip */
 
+/** Whether a job's picture has lights that can be mixed, or may have them if it is rendered again; not if its only light is an environment. @param {import("../base/types.js").Job} job */
+export function canMixLights(job) {
+  const scene = scenes.value?.find(({ id }) => id === job.scene);
+  return lightGroups(job.settings).length > 0 || !scene || (scene.light_groups ?? []).length > 0 || !isLightless(scene);
+}
+
 /**
  * @param {DisplayStore} display
  * @param {() => import("../base/types.js").Job} job the latest state
