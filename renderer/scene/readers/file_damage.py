@@ -37,6 +37,7 @@ _CONTENTS: tuple[tuple[re.Pattern[bytes], Sentence, tuple[str, ...], bool], ...]
         False,
     ),
     (re.compile(rb"\s*<(!doctype )?html\b", re.IGNORECASE), Sentence("content-html", "a web page"), (), False),
+    (re.compile(rb"\0{128}"), Sentence("content-zeros", "a file of zeros, as a failed copy leaves it"), (), False),
     (re.compile(rb"%PDF-"), Sentence("content-pdf", "a PDF document"), (), False),
 )
 _PICTURES = (".png", ".jpg", ".webp", ".exr", ".hdr", ".gif", ".tif", ".avif", ".psd")

@@ -54,6 +54,8 @@ CUT = " ends before its data does. Copy or export it again ("
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1", CUT + "line 3)"),
         ("a.obj", b"v 0 0 0\nv 1 0\nv 0 1 0\n", ", line 2: "),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 x", ", line 4: 'x' is not a corner of a face"),
+        ("a.obj", bytes(1000), " is a file of zeros, as a failed copy leaves it, not a .obj file."),
+        ("a.obj", b"<html>\nv\n</html>\n", " is a web page, not a .obj file."),
         ("a.glb", glb_of_declared_length(60), ": nodes"),
         ("a.fbx", b"no model", " is damaged or not an FBX file. Export it again ("),
     ],
