@@ -35,12 +35,12 @@ export function blackNotice(stage, job, live, life) {
   const look = async () => {
     const { film, frame, finished } = live;
     const key = `${frame} ${film.total}`;
-    if (key === seen || film.total < film.words.length * (finished ? 1 : LEAST_SPP)) return;
-    seen = key;
-    if (!film.isBlack()) return void (element.hidden = true);
     const { id, scene, samples } = job();
     const of = scenes.value?.find((each) => each.id === scene);
     const nothing = of ? invisibleWords(of, !frame) : "";
+    if (key === seen || film.total < film.words.length * (finished || nothing ? 1 : LEAST_SPP)) return;
+    seen = key;
+    if (!film.isBlack()) return void (element.hidden = true);
     if (nothing) {
       setText(words, nothing);
       fill(remedy);
