@@ -16,6 +16,7 @@ from rayfarm.command_advice import sentence
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
 from rayfarm.help_pages import set_help_format
+from rayfarm.option_advice import advise_on_options
 from renderer import __version__
 from renderer.errors import RayfarmError
 from renderer.printable import LogRecord
@@ -120,6 +121,7 @@ def main() -> None:
     try:
         command = typer.main.get_command(_program(_commands_to_import()))
         _refuse_nan_and_infinity(command)
+        advise_on_options(command)
         set_help_format(command)
         _set_panels(command)
         command()

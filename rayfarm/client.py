@@ -53,11 +53,14 @@ FRAMES_HEADER = "X-Frames"  # sent with every movie
 T = TypeVar("T")
 
 
+NO_FARM = "farm-not-answering"  # code of the error where nothing answers at the address
+
+
 class ClientError(RayfarmError):
     """Raised if the service cannot be reached or rejects a request.
 
     status: the HTTP status; None if no farm responded. code, params: the service's code of the message and its values; empty for
-    other messages.
+    other messages of the client, but for NO_FARM.
     """
 
     def __init__(
@@ -423,7 +426,10 @@ class Client:
                 body = self._body(response, limit)
         except httpx.ConnectError as error:
             raise ClientError(
-                f"No farm answers at {self.url}. Start one with `rayfarm up`, or give its address by --server URL."
+                f"No farm answers at {self.url}. Start one with `rayfarm up`, or give the address of one that runs, such as "
+                "http://host:8000.",
+                code=NO_FARM,
+                params={"url": self.url},
             ) from error
         except (httpx.HTTPError, httpx.StreamError, httpx.InvalidURL, UnicodeError) as error:
             raise ClientError(f"{self.url} does not answer ({error or type(error).__name__}). Try again.") from error

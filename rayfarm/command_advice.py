@@ -31,10 +31,16 @@ SENTENCES: Mapping[str, str] = {
     "worker-not-found": "There is no worker {name}. `rayfarm workers` lists those that are connected.",
 }
 
+# By the client's own codes.
+_OF_CLIENT: Mapping[str, str] = {
+    "farm-not-answering": "No farm answers at {url}. Start one with `rayfarm up`, or give its address by --server URL.",
+}
+
 
 def sentence(error: RayfarmError) -> str:
     """Returns an error's message, for a command's standard error."""
-    template = SENTENCES.get(getattr(error, "code", ""))
+    code = getattr(error, "code", "")
+    template = SENTENCES.get(code) or _OF_CLIENT.get(code)
     try:
         return template.format(**error.params) if template else str(error)  # type: ignore[attr-defined]
     except (KeyError, IndexError):  # a service of another release

@@ -209,11 +209,16 @@ def render(
     settings = order.settings(summary, moment)
     check_still_size(output, settings.width, settings.height)
     load_kernels(settings, compiled, clock, order.card)
+    from renderer.scene.visible_surfaces import INVISIBLE
+
+    is_invisible = any(getattr(each, "code", "") in INVISIBLE for each in summary["warnings"])
     other_camera = "auto" if picture.camera != "auto" and any(each["name"] == "auto" for each in summary["cameras"]) else ""
     with show_progress() as show:
         done = render_to(
             *(output, order, compiled, summary, settings, clock, show, motion[0]),
-            on_picture=lambda picture, objects: print_darkness_note(picture, objects, output, exposure, other_camera),
+            on_picture=lambda picture, objects: (
+                None if is_invisible else print_darkness_note(picture, objects, output, exposure, other_camera)
+            ),
         )
     _print_summary(output, settings, clock, done)
     report_bad_samples(scene, settings, done, moment_options(moment) + camera_options(order, settings))

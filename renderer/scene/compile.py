@@ -48,6 +48,7 @@ from renderer.scene.studio import WEAK_LIGHTS_WARNING, light_studio
 from renderer.scene.tangents import has_elliptic_fibres
 from renderer.scene.targets import list_targets
 from renderer.scene.visibility import Visibility, tabulate_visibility
+from renderer.scene.visible_surfaces import invisible_note
 from renderer.scene.volumes import tabulate_volumes
 from renderer.sentences import Sentence
 from renderer.settings import View
@@ -90,6 +91,8 @@ def _compile(description: SceneDescription, say: Progress, brute: bool, team: Te
     origin = origin_of(description, shot_cache)
     whole, description = description, relative_to_origin(description, origin, shot_cache)
     stood = place_geometry(description, team, shot_cache)
+    if note := invisible_note(description):
+        whole.warnings.insert(0, note)  # the first thing to know about the scene
     sphere, joined, placement = stood.sphere, stood.joined, stood.placement
     geometry = joined.geometry
     say(Sentence("progress-packing-textures", "packing textures"), 0.25)
@@ -340,7 +343,7 @@ def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.n
 
     bounds: (2, 3) corners of all geometry. points: (N, 3) that the camera "auto" frames, unless the scene is a room; without any,
     it frames the bounds. A camera whose picture, as large as the file says, shows nothing within the bounds has `sees_nothing`,
-    unless the scene has an environment with light, which it shows.
+    unless the scene has an environment with light, which it shows, or nothing that any camera could see.
     """
     automatic = room_view(description, bounds) or frame(points if len(points) else _corners(bounds), description.up)
     cameras = [*_aimed_cameras(description, bounds), Camera(AUTO_CAMERA, automatic)]
@@ -348,7 +351,8 @@ def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.n
         int(description.defaults.get(name) or usual) for name, usual in zip(("width", "height"), DEFAULT_SIZE, strict=True)
     )
     world = description.environment
-    corners = None if world is not None and world.strength * max(world.color) > 0.0 else _corners(bounds)
+    shows_world = world is not None and world.strength * max(world.color) > 0.0
+    corners = None if shows_world or invisible_note(description) else _corners(bounds)
     return [_camera_dict(camera, corners, width / height) for camera in cameras]
 
 

@@ -16,17 +16,18 @@ from renderer.errors import SceneError
 from renderer.formats import MESH_FORMATS
 from renderer.scene.animation import BETWEEN, SHUTTER, Moment, Shutter
 from renderer.scene.bounds import bounds_of
-from renderer.scene.description import F32, Environment, Material, SceneDescription
+from renderer.scene.description import F32, Environment, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.presets import is_named, light_by_name
 from renderer.scene.readers.by_format import read_file
+from renderer.scene.readers.file_damage import plain_error
 from renderer.scene.readers.polygon_meshes import of_triangles, triangulated
 from renderer.scene.readers.up_axis import turn_up
 from renderer.scene.shutter_merge import interpolate_numbered_files, merge_over_shutter
 from renderer.scene.studio import NO_LIGHTS_WARNING, add_floor, light_studio
 from renderer.scene.textures import TextureShelf
 from renderer.scene.vary import keeps_surfaces, varied
-from renderer.sentences import Sentence, first_items, joined_faults, reason_of
+from renderer.sentences import Sentence, first_items, joined_faults, reason_of, with_full_stop
 from renderer.settings import chosen
 from renderer.variation import Variation
 
@@ -138,7 +139,10 @@ class Shot:
             for mesh in description.meshes:
                 mesh.deforms = True
         self._check_positions(main, description)
-        _check(main, description)
+        try:
+            _check(main, description)
+        except SceneError as error:  # such as a picture that is named as a scene of text
+            raise plain_error(self._files.path(main), main, error) or error from None
         turn_up(main, format, self._up, description, guesses=main == self._main)
         description.studio_for_accents = any(main.lower().endswith(f.suffix) for f in MESH_FORMATS)
         return description
@@ -148,7 +152,10 @@ class Shot:
         for i, mesh in enumerate(description.meshes):
             if id(mesh.positions) not in known and not np.isfinite(mesh.positions).all():
                 title = Sentence("mesh-of-file", "{file}: mesh {name}", file=main, name=mesh.name[:120])
-                if mesh.deforms or mesh.keys or not len(mesh.triangles):
+                if not len(mesh.triangles):
+                    description.meshes[i] = _without_triangles(mesh)
+                    continue
+                if mesh.deforms or mesh.keys:
                     raise SceneError(
                         Sentence(
                             "scene-positions-not-finite",
@@ -157,7 +164,12 @@ class Shot:
                         )
                     )
                 corners, shelf = mesh.triangles.reshape(-1), TextureShelf(description, self._files)
-                whole = triangulated(np.full(len(mesh.triangles), 3), corners, mesh.positions, title, shelf).face
+                try:
+                    whole = triangulated(np.full(len(mesh.triangles), 3), corners, mesh.positions, title, shelf).face
+                except SceneError as error:  # no triangle is left: without the mesh, the others can be shown
+                    description.warnings.append(with_full_stop(error))
+                    description.meshes[i] = _without_triangles(mesh)
+                    continue
                 mesh = description.meshes[i] = of_triangles(mesh, whole)
             self._finite[id(mesh.positions)] = mesh.positions
         self._check_attributes(main, description, known)
@@ -282,6 +294,10 @@ def environment_light(files: SceneFiles, name: str, description: SceneDescriptio
             )
         )
     description.environment = Environment(image=image)
+
+
+def _without_triangles(mesh: Mesh) -> Mesh:
+    return Mesh(mesh.name, np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), material=mesh.material)
 
 
 def _check(main: str, description: SceneDescription) -> None:

@@ -78,6 +78,28 @@ def test_black_view_and_job_say_that_the_camera_sees_nothing(farm: Farm, watched
     assert watched.errors == []
 
 
+def test_scene_without_area_says_so_once_on_its_page_and_card(farm: Farm, watched: Watched) -> None:
+    """A scene of which nothing can be seen says why and what to do; it has no remedy by the camera or by light."""
+    page = watched.page
+    flat = "v 0.1 0.1 0.1\nv 0.7 0.7 0.7\nv 1.3 1.3 1.3000001\nf 1 2 3\n"  # a line but for rounding
+    sent = httpx.post(f"{farm.url}/api/scenes", files={"files": ("flat.obj", flat)})
+    scene = sent.raise_for_status().json()["id"]
+    with farm.client() as client:
+        ready = client.wait_for_scene(scene)
+    said = "Nothing is visible, since no surface of the file has an area"
+    assert [said in warning for warning in ready.warnings].count(True) == 1
+    page.goto(f"{farm.url}/#/scenes/{scene}")
+    dark = page.locator(".view-dark")
+    expect(dark).to_contain_text(said)
+    expect(page.get_by_text(re.compile("^[0-9]+ samples.*done"))).to_be_visible(timeout=60_000)
+    expect(dark).to_contain_text(said)
+    expect(dark.get_by_role("button")).to_have_count(0)
+    expect(page.get_by_text("The file's camera sees nothing")).to_be_hidden()
+    page.goto(f"{farm.url}/#/")
+    expect(page.locator(".card", has_text="flat").get_by_text(said)).to_be_visible(timeout=60_000)
+    assert watched.errors == []
+
+
 def test_scene_that_its_camera_shows_small_is_framed_and_framing_is_undone(farm: Farm, watched: Watched) -> None:
     page = watched.page
     distant = SCENE.replace("Behind", "Distant").replace(

@@ -215,7 +215,7 @@ def test_missing_files_are_added_and_main_file_is_selected(farm: Farm, watched: 
     asked = page.get_by_role("dialog", name="2 models: which is the scene?")
     asked.get_by_role("button", name="table.obj").click()
     expect(page.get_by_role("heading", name="table")).to_be_visible()
-    warning = page.locator(".first-warning", has_text="its texture oak.png is not among the files")
+    warning = page.locator(".first-warning", has_text="Missing: oak.png")
     expect(warning).to_be_visible(timeout=60_000)
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Add files").click()

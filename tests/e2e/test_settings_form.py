@@ -94,7 +94,8 @@ def test_quality_presets_show_expected_time_and_noise(page: Page) -> None:
     0.4 at one sample per pixel.
     """
     call(page, "news/farm", "m.workers.set([{ slots: 2, samples_per_s: 1 }]);")
-    open_form(page, scene={**SCENE, "defaults": {"width": 1000, "height": 1000}, "measured": {"sample_s": 1e-6, "noise": 0.4}})
+    scene = {**SCENE, "defaults": {"width": 1000, "height": 1000}, "measured": {"sample_s": 1e-6, "noise": 0.4}}
+    open_form(page, scene=scene)
     choices = page.get_by_role("radiogroup", name="Quality").locator(".quality").all()
     assert [[*(part.text_content() for part in each.locator("span").all()), each.get_attribute("title")] for each in choices] == [
         ["Draft", "≤ 15 s", "16 samples · 10 % noise"],
@@ -106,6 +107,9 @@ def test_quality_presets_show_expected_time_and_noise(page: Page) -> None:
     expect(page.get_by_text("64 M samples, 20 s–1 min on 2 slots, 5 % noise")).to_be_visible()
     page.get_by_text("Finest").click()
     assert submitted_request(page)["spp"] == 1024
+    call(page, "news/farm", "m.jobs.set([{ id: 'j', state: 'running' }]);")
+    open_form(page, scene=scene)
+    expect(page.get_by_text("64 M samples, 20 s–1 min on 2 slots, now busy, 5 % noise")).to_be_visible()
 
 
 @pytest.mark.long
@@ -273,6 +277,21 @@ def test_several_scenes_are_a_choice_and_no_warning(page: Page) -> None:
     call(page, "scene/scene-notices", "document.body.replaceChildren(m.warnings(a));", scene)
     page.get_by_text("2 warnings").click()
     expect(page.get_by_role("list", name="Warnings").get_by_role("listitem")).to_have_text(["One.", "Two."])
+
+
+@pytest.mark.long
+def test_missing_files_come_first_and_guesses_are_notes(page: Page) -> None:
+    """The line of a scene's warnings begins with the missing files; a scene of which nothing is lost has notes."""
+    guess = {"code": "obj-image-guessed", "params": {"file": "a.obj", "image": "skin.png"}}
+    missing = {"code": "texture-file-missing", "params": {"user": "Material wood", "texture": "oak.png"}}
+    scene = {**SCENE, "warnings": ["Guessed.", "Other.", "Missing."], "codes": {"warnings": [guess, None, missing]}}
+    call(page, "scene/scene-notices", "document.body.replaceChildren(m.warnings(a));", scene)
+    expect(page.locator(".notice.warning .first-warning")).to_have_text("2 warnings Missing: oak.png")
+    page.get_by_text("2 warnings").click()
+    expect(page.get_by_role("list", name="Warnings").get_by_role("listitem")).to_have_text(["Missing.", "Other.", "Guessed."])
+    scene = {**SCENE, "warnings": ["Guessed."], "codes": {"warnings": [guess]}}
+    call(page, "scene/scene-notices", "document.body.replaceChildren(m.warnings(a));", scene)
+    expect(page.locator(".notice.note .first-warning")).to_have_text("1 note Guessed.")
 
 
 @pytest.mark.long

@@ -219,6 +219,8 @@ def test_info_prints_text_and_json() -> None:
         (["render", str(CORNELL), "-o", "out.png", "--size=8x8", "--tile=4,4,8,8"], 1, "--tile reaches out"),
         (["render", str(CORNELL), "-o", "out.png", "--env", "sky.exr"], 1, "no such file"),
         (["render", str(CORNELL), "-o", "out.png", "--spp", "0"], 2, "--spp"),
+        (["render", str(CORNELL), "--width", "300"], 2, "No such option: --width. Use --size 1280x720."),
+        (["render", str(CORNELL), "--sampels", "3"], 2, "No such option: --sampels. Use --spp."),
         (["gc", "--films-above", "inf"], 2, "inf is not a finite number"),
         (["watch", "--frame", "nan"], 2, "nan is not a finite number"),
         (["info", "README.docx"], 1, "There is no file"),

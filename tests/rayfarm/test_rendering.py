@@ -71,3 +71,14 @@ def test_render_notes_why_a_picture_is_black(tmp_path: Path, z: int, said: str) 
     )
     done = rayfarm("render", tmp_path / "black.yaml", "--size=8x8", "--spp=1", "-o", tmp_path / "out.png")
     assert done.returncode == 0 and said in done.stderr
+
+
+@pytest.mark.long
+def test_render_advises_no_camera_for_a_scene_without_area(tmp_path: Path) -> None:
+    (tmp_path / "flat.obj").write_text("v 0.1 0.1 0.1\nv 0.7 0.7 0.7\nv 1.3 1.3 1.3000001\nf 1 2 3\n")
+    done = rayfarm(
+        "render", tmp_path / "flat.obj", "--size=8x8", "--spp=1", "--background=transparent", "-o", tmp_path / "out.png"
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("Nothing is visible, since no surface of the file has an area") == 1
+    assert "--camera" not in done.stderr and "The picture is black" not in done.stderr

@@ -37,11 +37,13 @@ _CONTENTS: tuple[tuple[re.Pattern[bytes], Sentence, tuple[str, ...], bool], ...]
         False,
     ),
     (re.compile(rb"\s*<(!doctype )?html\b", re.IGNORECASE), Sentence("content-html", "a web page"), (), False),
+    (re.compile(rb"\0{128}"), Sentence("content-zeros", "a file of zeros, as a failed copy leaves it"), (), False),
     (re.compile(rb"%PDF-"), Sentence("content-pdf", "a PDF document"), (), False),
 )
 _PICTURES = (".png", ".jpg", ".webp", ".exr", ".hdr", ".gif", ".tif", ".avif", ".psd")
 _KINDS = {".jpg": "JPEG", ".tif": "TIFF", ".webp": "WebP"}
 _ENDS_EARLY = {"ufbx-truncated-file", "ufbx-vertices-truncated", "data-ends-early"}
+_BEGUN_NUMBER = re.compile(rb"[-+.,/0-9eE]+")  # of a number, or of a corner v/vt/vn, as much as has been written
 _COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)", re.DOTALL)
 _ROOT = re.compile(rb"<([A-Za-z_][\w:.-]*)[\s>/]")
 
@@ -144,9 +146,11 @@ def _is_xml_cut_off(head: bytes, tail: bytes) -> bool:
 
 
 def _is_of_unended_line(path: Path, tail: bytes, error: SceneError) -> bool:
-    """Returns True if the error is about the last line of a text file, and that line is not terminated."""
+    """Returns True if the error is about the last line of a text file, which is not terminated, and may end within a number."""
     line = getattr(str(error), "params", {}).get("line")
-    return isinstance(line, int) and not tail.endswith(b"\n") and path.read_bytes().count(b"\n") == line - 1
+    if not isinstance(line, int) or tail.endswith(b"\n") or path.read_bytes().count(b"\n") != line - 1:
+        return False
+    return all(_BEGUN_NUMBER.fullmatch(word) for word in tail.rpartition(b"\n")[2].split()[1:])
 
 
 def _codes(error: SceneError) -> set[str]:

@@ -35,6 +35,57 @@ def test_prims_with_wrong_types_are_omitted_and_counted(tmp_path):
     assert said in description.warnings
 
 
+@pytest.mark.parametrize("name", ["focalLength", "verticalAperture"])
+@pytest.mark.parametrize("value", [0.0, np.nan])
+def test_camera_without_a_lens_gets_the_usual_one(tmp_path, name, value):
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
+    UsdGeom.Cube.Define(stage, "/m")
+    UsdGeom.Camera.Define(stage, "/usual")
+    UsdGeom.Camera.Define(stage, "/c").GetPrim().GetAttribute(name).Set(value)
+    stage.GetRootLayer().Save()
+    description = read(tmp_path, "a.usda")
+    usual, found = description.cameras
+    assert found.view.fov == pytest.approx(usual.view.fov)
+    assert [w for w in description.warnings if "get those of 50 mm (1): c" in w]
+
+
+def test_positions_of_a_mesh_without_faces_do_not_matter(tmp_path):
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
+    UsdGeom.Cube.Define(stage, "/m")
+    empty = UsdGeom.Mesh.Define(stage, "/e")
+    empty.CreatePointsAttr([(np.nan, 0, 0), (0, 0, 0), (0, 1, 0)])
+    empty.CreateFaceVertexCountsAttr([3])
+    empty.CreateFaceVertexIndicesAttr([1, 1, 1])
+    empty.CreateSubdivisionSchemeAttr("catmullClark")
+    stage.GetRootLayer().Save()
+    assert np.isfinite(world(read(tmp_path, "a.usda"))).all()
+
+
+@pytest.mark.parametrize("scheme", ["none", "catmullClark"])
+@pytest.mark.parametrize("faces", [1, 2])
+def test_faces_at_positions_that_are_not_finite_leave_the_rest(tmp_path, scheme, faces):
+    """A vertex that is not finite takes the faces that use it, or a mesh of only such faces, out of the scene."""
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
+    UsdGeom.Cube.Define(stage, "/m")
+    odd = UsdGeom.Mesh.Define(stage, "/e")
+    odd.CreatePointsAttr([(np.nan, 0, 0), (0, 0, 0), (1, 0, 0), (1, 1, 0)])
+    odd.CreateFaceVertexCountsAttr([3] * faces)
+    odd.CreateFaceVertexIndicesAttr([0, 1, 2, 1, 2, 3][: 3 * faces])
+    odd.CreateSubdivisionSchemeAttr(scheme)
+    stage.GetRootLayer().Save()
+    description = read(tmp_path, "a.usda")
+    assert [len(world(description, i)) for i in range(len(description.instances))] == [12, faces - 1]
+    assert any("positions that are not finite" in w for w in description.warnings)
+
+
+def test_display_opacity_that_is_not_finite_is_left_out(tmp_path):
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
+    UsdGeom.Cube.Define(stage, "/m").CreateDisplayOpacityAttr([np.nan])
+    stage.GetRootLayer().Save()
+    description = read(tmp_path, "a.usda")
+    assert [m.opacity for m in description.materials] == [1.0]
+
+
 @pytest.mark.parametrize("joints", [["b", "a"], ["b"], ["a", "b", "c"]])
 def test_skin_with_its_own_joint_list(tmp_path, joints):
     stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))

@@ -19,8 +19,8 @@ export function isBlack(image) {
   return data.every((value, i) => i % 4 === 3 || value === 0);
 }
 
-/** Puts a word over a black picture, or removes it. @param {HTMLElement} box @param {HTMLImageElement} image loaded, in the box */
-export function markBlack(box, image) {
+/** Puts a word over a picture that shows nothing, or removes it. @param {HTMLElement} box @param {HTMLImageElement} image loaded, in the box @param {string} [reason] why nothing can be seen, if that is known */
+export function markBlack(box, image, reason = "") {
   box.querySelector(".nothing")?.remove();
-  if (isBlack(image)) box.append(h("span", { class: "nothing small" }, t("Nothing visible")));
+  if (reason || isBlack(image)) box.append(h("span", { class: "nothing small" }, reason || t("Nothing visible")));
 }

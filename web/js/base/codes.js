@@ -23,11 +23,35 @@ export const MISSING_FILE = [
   "usd-materialx-include-missing",
 ];
 
+/** Parameters of these messages that name the missing file. */
+const NAME_PARAMS = ["texture", "libraries", "document", "layer", "uri", "name"];
+
+/** What a reader has taken where a file leaves it open: nothing of the file is lost. */
+export const GUESSED = [
+  "collada-camera-aspect-guessed",
+  "image-colour-profile-ignored",
+  "mesh-decimal-commas",
+  "mtl-bump-read-as-normal",
+  "mtl-decimal-commas",
+  "names-encoding-guessed",
+  "obj-image-guessed",
+  "obj-library-guessed",
+  "points-shown-as-spheres",
+  "up-axis-guessed",
+  "usd-metadata-not-double",
+];
+
 /** The upload has several scenes: `file` is shown, not `others`. */
 export const SEVERAL_SCENES = "scene-files-several";
 
 /** The file has no light, so a studio light stands in: not an error of the file. */
 export const WITHOUT_LIGHT = "scene-without-light";
+
+/** Nothing of a scene can be seen from any side and in any light, in no frame (renderer/scene/visible_surfaces.py). */
+export const WITHOUT_AREA = "scene-without-area";
+
+/** The same of a scene as it was uploaded: in its first frame, and in its usual variant. */
+export const INVISIBLE = [WITHOUT_AREA, "scene-without-area-at-frame", "scene-invisible"];
 
 /** The warnings of a strict scene are its error. */
 export const STRICT = ["strict-scene-warning", "strict-scene-warnings"];
@@ -40,6 +64,18 @@ export const WAITS_FOR_BLENDER = "waits-for-blender-worker";
 
 /** A worker was paused by the farm, because its batches failed or its results were wrong. */
 export const QUARANTINED = ["worker-quarantined", "worker-quarantined-failures"];
+
+/**
+ * The names of the missing files that a message is about; empty if it is not about any, or does not name them.
+ *
+ * @param {Coded | null | undefined} coded
+ * @returns {string[]}
+ */
+export function missingFiles(coded) {
+  if (!hasCode(coded, MISSING_FILE)) return [];
+  const name = NAME_PARAMS.map((param) => coded?.params?.[param]).find((value) => typeof value === "string" || Array.isArray(value));
+  return name === undefined ? [] : [name].flat();
+}
 
 /**
  * Returns true if a message, or one within it, has one of these codes.

@@ -15,6 +15,12 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 /** @typedef {import("../film/light-mix.js").Strip} Strip */
 
+/** Whether a job's picture has lights that can be mixed, or may have them if it is rendered again; not if its only light is an environment. @param {import("../base/types.js").Job} job */
+export function canMixLights(job) {
+  const scene = scenes.value?.find(({ id }) => id === job.scene);
+  return lightGroups(job.settings).length > 0 || !scene || (scene.light_groups ?? []).length > 0 || !isLightless(scene);
+}
+
 /**
  * @param {DisplayStore} display
  * @param {() => import("../base/types.js").Job} job the latest state
@@ -131,7 +137,7 @@ function withoutGroups(latest, life, renderWith) {
   const price = h("p", { class: "quiet small" });
   const tellPrice = () => {
     const { state, active_s: seconds, taken } = latest();
-    const compiles = t("The first time, compiling takes about 40 s more.");
+    const compiles = t("The first time, compiling takes about half a minute more.");
     setText(price, state === "finished" && !taken && seconds >= 1 ? `${t("Takes {time}, as this picture did.", { time: roughly(seconds) })} ${compiles}` : compiles);
   };
   life.every(1000, tellPrice);

@@ -16,10 +16,11 @@ let chosen = "";
 
 /**
  * @param {string} label for screen readers
- * @param {Tab[]} tabs
+ * @param {(Tab | false)[]} offered false: a tab that this picture does not have
  * @returns {{elements: HTMLElement[], show: (name: string) => void, current: () => string}} elements: the list, and the panels
  */
-export function sideTabs(label, tabs) {
+export function sideTabs(label, offered) {
+  const tabs = offered.filter((tab) => tab !== false);
   const stem = freshId("tab");
   const panels = tabs.map(({ name, content }) =>
     h("div", { class: "side-tab", role: "tabpanel", id: `${stem}-${name}-panel`, "aria-labelledby": `${stem}-${name}` }, content),

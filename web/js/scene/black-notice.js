@@ -7,6 +7,7 @@ import { fill, h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
 import { linkTo } from "../shell/router.js";
+import { invisibleWords } from "./scene-notices.js";
 import { viewToText } from "./view-url.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -34,10 +35,17 @@ export function blackNotice(stage, job, live, life) {
   const look = async () => {
     const { film, frame, finished } = live;
     const key = `${frame} ${film.total}`;
-    if (key === seen || film.total < film.words.length * (finished ? 1 : LEAST_SPP)) return;
+    const { id, scene, samples } = job();
+    const of = scenes.value?.find((each) => each.id === scene);
+    const nothing = of ? invisibleWords(of, !frame) : "";
+    if (key === seen || film.total < film.words.length * (finished || nothing ? 1 : LEAST_SPP)) return;
     seen = key;
     if (!film.isBlack()) return void (element.hidden = true);
-    const { id, scene, samples } = job();
+    if (nothing) {
+      setText(words, nothing);
+      fill(remedy);
+      return void (element.hidden = false);
+    }
     const objects = new Image();
     objects.src = imageUrl({ job: id, frame }, "png", { aov: "object", v: samples }); // black where no surface is hit
     const isEmpty = await objects.decode().then(() => isBlack(objects), () => null);
@@ -46,7 +54,7 @@ export function blackNotice(stage, job, live, life) {
     if (isPast || (isEmpty === null && failures < MOST_TRIES)) seen = "";
     if (isPast || isEmpty === null) return;
     setText(words, isEmpty ? t("The camera sees nothing") : t("No light reaches what the camera sees"));
-    const view = scenes.value?.find((each) => each.id === scene)?.cameras.at(-1)?.view;
+    const view = of?.cameras.at(-1)?.view;
     const again = `${linkTo("scenes", scene)}?like=${id}`;
     const [label, href] = isEmpty ? [t("Frame the scene"), view && `${again}&view=${viewToText(view)}`] : [t("Studio light"), `${again}&light=studio`];
     fill(remedy, href && h("a", { href }, icon(isEmpty ? "camera" : "sun"), label));

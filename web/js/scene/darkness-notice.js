@@ -19,11 +19,12 @@ const DULL_STOPS = 2;
  * @param {(at: [number, number]) => void} view.pick requests the surface at a pixel
  * @param {() => boolean} view.isPicking whether an answer to a pick of the user is awaited
  * @param {() => boolean} view.mayShow whether the camera may see some of the scene; false is certain
+ * @param {() => string} view.invisible why nothing of the scene can be seen from any side; empty where something may be
  * @param {() => void} view.brighten
  * @param {() => void} view.light chooses the studio's light
  * @param {() => void} view.reframe shows the whole scene
  */
-export function darknessNotice({ film, look, size, pick, isPicking, mayShow, brighten, light, reframe }) {
+export function darknessNotice({ film, look, size, pick, isPicking, mayShow, invisible, brighten, light, reframe }) {
   const words = h("span");
   const button = (/** @type {import("../base/icons.js").IconName} */ symbol, /** @type {string} */ word, /** @type {() => void} */ onclick) =>
     h("button", { class: "button small", type: "button", onclick }, icon(symbol), word);
@@ -42,6 +43,12 @@ export function darknessNotice({ film, look, size, pick, isPicking, mayShow, bri
   const show = () => {
     const dark = darkness(brightness);
     const missing = autoExposure(brightness) - look.value.exposure;
+    const nothing = invisible();
+    if (nothing) {
+      for (const remedy of [studio, framing, brighter]) remedy.hidden = true; // none helps
+      element.hidden = false;
+      return setText(words, nothing);
+    }
     element.hidden = !dark && !blackness && missing < DULL_STOPS;
     studio.hidden = !dark && blackness !== "unlit";
     framing.hidden = !["empty", "black"].includes(blackness);
@@ -80,7 +87,8 @@ export function darknessNotice({ film, look, size, pick, isPicking, mayShow, bri
 
     /** Says at once, before any sample, that the camera sees nothing of a scene before a black background, where that is certain. */
     foresee() {
-      if (!mayShow()) setBlackness("empty");
+      if (invisible()) show();
+      else if (!mayShow()) setBlackness("empty");
     },
 
     /**
@@ -90,7 +98,7 @@ export function darknessNotice({ film, look, size, pick, isPicking, mayShow, bri
      * @param {boolean} isSure whether it has enough samples to have found light that only rare paths reach
      */
     explain(id, isSure) {
-      if (!film().isBlack()) return endBlackness();
+      if (!film().isBlack() || invisible()) return endBlackness();
       if (!mayShow()) return setBlackness("empty");
       if (probedView !== id) seesSomething = null;
       const found = seesSomething && isSure ? "unlit" : seesSomething === false ? "empty" : "black";

@@ -22,6 +22,7 @@ import { startOfTake } from "./form-start.js";
 import { takeMesh } from "./mesh-relay.js";
 import { mayBeInView } from "./in-view.js";
 import { people } from "./people.js";
+import { invisibleWords } from "./scene-notices.js";
 import { LIVE } from "./sides.js";
 import { takes } from "./takes.js";
 import { ViewFilm } from "./view-film.js";
@@ -169,6 +170,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const box = bounds();
       return !box || cover.isChanged || mayBeInView(form.view(), aspect(), ...box);
     },
+    invisible: () => invisibleWords(scene, bounds() !== null),
     brighten: hand.exposeAuto,
     light: () => (form.light.choose("studio"), hand.expose(0)),
     reframe: () => framing.frame(),

@@ -100,6 +100,10 @@ export function prepareSteps(scene) {
       times.put(stepOf(next), now());
       tick();
     },
+    /** The present step as the list names it; empty before the first. */
+    get word() {
+      return times.step ? LABELS[times.step] : "";
+    },
     /** Whether this page follows an upload whose first picture has not been seen. */
     get isOpen() {
       return !isOver && (times.step !== null || uploadSeconds.has(scene));

@@ -1,6 +1,6 @@
 /** Notices about a scene: its preparation, errors, warnings, and remedies. */
 
-import { MISSING_FILE, SEVERAL_SCENES, STRICT, WAITS_FOR_BLENDER, WITHOUT_LIGHT, hasCode } from "../base/codes.js";
+import { GUESSED, INVISIBLE, MISSING_FILE, SEVERAL_SCENES, STRICT, WAITS_FOR_BLENDER, WITHOUT_AREA, WITHOUT_LIGHT, hasCode, missingFiles } from "../base/codes.js";
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { said, saidApart, saidOf } from "../base/said.js";
@@ -13,11 +13,23 @@ import { addFiles, showOther } from "../shell/uploads.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 
-/** Codes of warnings that the form shows as a choice. */
-const WITHOUT_WARNING = [WITHOUT_LIGHT, SEVERAL_SCENES];
+/** Codes of warnings that the form shows as a choice, or the view as a sentence. */
+const WITHOUT_WARNING = [WITHOUT_LIGHT, SEVERAL_SCENES, ...INVISIBLE];
 
 /** @param {Scene} scene @param {string} sentence one of its warnings */
 const codedOf = (scene, sentence) => scene.codes?.["warnings"]?.[scene.warnings.indexOf(sentence)];
+
+/**
+ * Says why nothing of a scene can be seen from any side, and what to do; empty where something may be.
+ *
+ * @param {Pick<Scene, "warnings" | "codes">} scene
+ * @param {boolean} [isAsUploaded] whether it is shown as uploaded: in its first frame, and in its usual variant
+ */
+export function invisibleWords(scene, isAsUploaded = true) {
+  const codes = isAsUploaded ? INVISIBLE : WITHOUT_AREA;
+  const number = scene.codes?.["warnings"]?.findIndex((/** @type {import("../base/said.js").Coded | null} */ coded) => hasCode(coded, codes)) ?? -1;
+  return number < 0 ? "" : said(scene.warnings[number], scene.codes?.["warnings"]?.[number]);
+}
 
 /** @param {Pick<Scene, "step" | "codes">} scene @returns {string} */
 export function stepWords(scene) {
@@ -83,19 +95,22 @@ function warningList(scene, some) {
 
 /** The warnings about a scene, ignored or approximated parts, as a line that opens. @param {Scene} scene */
 export function warnings(scene) {
-  const sentences = scene.warnings.filter((sentence) => !WITHOUT_WARNING.some((code) => hasCode(codedOf(scene, sentence), code)));
+  const rank = (/** @type {string} */ sentence) => {
+    const coded = codedOf(scene, sentence);
+    return hasCode(coded, MISSING_FILE) ? 0 : hasCode(coded, GUESSED) ? 2 : 1;
+  };
+  const sentences = scene.warnings.filter((sentence) => !WITHOUT_WARNING.some((code) => hasCode(codedOf(scene, sentence), code))).toSorted((a, b) => rank(a) - rank(b));
   const [first] = sentences;
   if (first === undefined) return null;
+  const serious = sentences.filter((sentence) => rank(sentence) < 2).length;
+  const missing = sentences.flatMap((sentence) => missingFiles(codedOf(scene, sentence)));
+  const beginning = missing.length ? t("Missing: {names}", { names: [...new Set(missing)].join(", ") }) : said(first, codedOf(scene, first));
+  const count = serious ? tn(serious, "{n} warning", "{n} warnings") : tn(sentences.length, "{n} note", "{n} notes");
   return h(
     "div",
-    { class: "notice warning folded" },
-    icon("warning"),
-    h(
-      "details",
-      { class: "grow" },
-      h("summary", null, h("strong", null, tn(sentences.length, "{n} warning", "{n} warnings")), h("span", { class: "first-warning quiet" }, said(first, codedOf(scene, first)))),
-      warningList(scene, sentences),
-    ),
+    { class: serious ? "notice warning folded" : "notice note folded" },
+    icon(serious ? "warning" : "info"),
+    h("details", { class: "grow" }, h("summary", null, h("span", { class: "first-warning" }, h("strong", null, count), " ", h("span", { class: "quiet" }, beginning))), warningList(scene, sentences)),
     addButton(scene, sentences.map((sentence) => codedOf(scene, sentence))),
   );
 }

@@ -7,7 +7,7 @@ import { fileField } from "./scene-notices.js";
 import { cameraFields } from "../forms/camera-fields.js";
 import { isLightless } from "../base/light-words.js";
 import { fill, h, setText } from "../base/dom.js";
-import { scenes, workers } from "../news/farm.js";
+import { jobs, scenes, workers } from "../news/farm.js";
 import { compact, noiseText, timeRange } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { mayChange, readOnlyReason } from "../news/projects.js";
@@ -201,5 +201,7 @@ function costOf({ width, height }, spp, frames, { seconds, noise }, range) {
   const cost = t("{n} samples", { n: compact(width * height * spp * frames) });
   if (!all.length) return t("{cost}. They wait for a worker.", { cost });
   if (seconds === null) return t("{cost} on {slots}. How long that takes is known once they have rendered something.", { cost, slots });
-  return t("{cost}, {time} on {slots}", { cost, time: timeRange(...range(seconds)), slots }) + (noise === null ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);
+  const estimate = t("{cost}, {time} on {slots}", { cost, time: timeRange(...range(seconds)), slots });
+  const isBusy = jobs.value?.some(({ state }) => state === "running");
+  return (isBusy ? t("{estimate}, now busy", { estimate }) : estimate) + (noise === null ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);
 }

@@ -26,7 +26,7 @@ import { verdictChip } from "../job/verdict.js";
 import { stageNotices } from "../job/stage-notices.js";
 import { momentsPanel } from "../job/moments-panel.js";
 import { whoRendered } from "../job/who-rendered.js";
-import { lightMixer } from "../job/light-mixer.js";
+import { canMixLights, lightMixer } from "../job/light-mixer.js";
 import { historyPanel } from "../job/history-panel.js";
 import { logPanel } from "../job/log-panel.js";
 import { histogramPanel } from "../job/histogram-panel.js";
@@ -173,7 +173,7 @@ function open(page, job, life) {
   const tabs = sideTabs(t("Picture"), [
     // What grows while it renders comes last.
     { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element, look.outlined] },
-    { name: "lights", label: t("Lights"), content: [lightMixer(display, () => latest, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture))] },
+    canMixLights(job) && { name: "lights", label: t("Lights"), content: [lightMixer(display, () => latest, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture))] },
     { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
     { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job, () => lookQuery(display.value))] },
     { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },

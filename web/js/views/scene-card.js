@@ -16,6 +16,7 @@ import { lightOf, variantOf } from "../base/scene-version.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { showError, undoable } from "../shell/tray.js";
 import { saidApart } from "../base/said.js";
+import { invisibleWords } from "../scene/scene-notices.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -141,6 +142,7 @@ function shortFacts(scene) {
 export function thumbnail() {
   const element = h("div", { class: "picture" }, icon("cube"));
   let shown = "";
+  let reason = "";
   /** @param {string} url @param {string} instead shown if there is no picture at `url` */
   const show = (url, instead) => {
     if (!url) return;
@@ -151,7 +153,7 @@ export function thumbnail() {
       if (!image.isConnected) return;
       while (image.previousElementSibling instanceof HTMLImageElement) image.previousElementSibling.remove();
       image.classList.add("loaded");
-      markBlack(element, image);
+      markBlack(element, image, reason);
       keepShownImage(url, image);
     };
     element.append(image);
@@ -166,6 +168,7 @@ export function thumbnail() {
      * @param {string} [better] a better picture of it, rendered by a job or shipped with an example
      */
     update(scene, better) {
+      reason = invisibleWords(scene);
       const own = scene.thumbnail ? thumbnailUrl(scene.id) : "";
       if ((better ?? own) === shown) return;
       shown = better ?? own;

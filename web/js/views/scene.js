@@ -187,10 +187,11 @@ function preparing(page, scene, life, steps) {
     ),
   );
   return (next) => {
-    setText(step, stepWords(next));
-    bar.update(stepOf(next) === "read" ? null : next.progress); // how much is left to read is not known
     steps.update(next);
-    view.update(next, stepWords(next));
+    const words = steps.word ? `${steps.word} …` : stepWords(next); // one word for a step, here and in the list
+    setText(step, words);
+    bar.update(stepOf(next) === "read" ? null : next.progress); // how much is left to read is not known
+    view.update(next, words);
   };
 }
 

@@ -23,6 +23,7 @@ from renderer.scene.readers.gltf.moving import AnimatedParts
 from renderer.scene.readers.gltf.profiles import Profiles
 from renderer.scene.readers.gltf.transforms import Matrix, local
 from renderer.scene.textures import TextureShelf
+from renderer.scene.visible_surfaces import all_hidden_note
 from renderer.sentences import Sentence
 
 __all__ = ["RAYS", "VISIBILITY", "Nodes"]
@@ -245,6 +246,10 @@ class Nodes:
             shown = shown and (visibility is None or visibility.value.get("visible") is not False)
             shown_nodes += [index] if shown else []
             stack += [(child, index, shown) for child in reversed(node.indices("children", self._nodes))]
+        hidden = [self._nodes[i] for i in parents.keys() - set(shown_nodes)]
+        meshes = [node for node in hidden if node.value.get("mesh") is not None]
+        if meshes and not any(self._nodes[i].value.get("mesh") is not None for i in shown_nodes):
+            self._shelf.warn(all_hidden_note(len(meshes)))
         return parents, shown_nodes
 
     def _root_nodes(self) -> list[int]:

@@ -21,6 +21,7 @@ __all__ = ["read_camera", "shutter_of"]
 _TENTH = 0.1
 _LEAST = 1e-6
 _FAR = 1e9
+_USUAL_LENS = (50.0, 15.2908)  # focal length and vertical aperture, by the schema
 _EXPOSURE = ("time", "iso", "fStop", "responsivity")
 
 
@@ -58,7 +59,14 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
     if camera.GetProjectionAttr().Get(time) == "orthographic":
         tall = max(height * _TENTH * unit, _LEAST)
         return View(_vec3(eye), _vec3(target), _vec3(up), projection="orthographic", height=tall, **shift)
-    length = max(number_of(camera.GetFocalLengthAttr()), _LEAST)
+    length = number_of(camera.GetFocalLengthAttr())
+    if not (length > 0 and height > 0):
+        notes.add(
+            Sentence("usd-camera-lens-invalid", "Cameras without a positive focal length and aperture get those of 50 mm"),
+            prim.GetName(),
+        )
+        length, height = _USUAL_LENS
+    length = max(length, _LEAST)
     fov = clamped(math.degrees(2 * math.atan(height / (2 * length))), 0.01, 179.0)
     stop = number_of(camera.GetFStopAttr())
     if stop > 0 and focus > _LEAST:

@@ -103,6 +103,11 @@ def read_mesh(
     names = dict.fromkeys(name for part in parts for name in (*part.uvs, part.color, part.opacity) if name is not None)
     found = {name: _primvar(prim, name, faces, len(points), time, notes) for name in names}
     scheme = _scheme(mesh, counts)
+    if scheme in REFINED and not np.isfinite(points).all():  # subdividing would spread them to all faces
+        notes.add(
+            Sentence("usd-mesh-not-refined", "Meshes with positions that are not finite are not subdivided"), str(prim.GetPath())
+        )
+        scheme = str(UsdGeom.Tokens.none)
     normals = _normals(mesh, scheme, faces, len(points), time, notes, shape)
     attributes = {name: values for name, values in {**found, "": normals}.items() if values is not None}
     bends = bends and deforms(prim)

@@ -14,6 +14,7 @@ from renderer.scene.matrices import Matrix, product
 from renderer.scene.readers.up_axis import Z_UP
 from renderer.scene.readers.usd.metadata import is_z_up, unit_of
 from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.visible_surfaces import all_hidden_note
 from renderer.sentences import Sentence
 
 __all__ = ["MAX_INSTANCES", "PlacedPrim", "matrix", "placed_prims"]
@@ -79,6 +80,9 @@ def placed_prims(stage: Any, time: Any, notes: Notes) -> list[PlacedPrim]:
                     ),
                     path,
                 )
+    surfaces = [each.shown for each in found if each.prim.IsA(UsdGeom.Gprim)]
+    if surfaces and not any(surfaces):
+        notes.add_sentence(all_hidden_note(len(surfaces)))
     names: dict[str, int] = {}
     for each in found:
         name = each.prim.GetName()

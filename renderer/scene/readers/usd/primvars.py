@@ -44,12 +44,13 @@ def varies(primvar: Any) -> bool:
 
 
 def constant(prim: Any, name: str, width: int, time: Any) -> npt.NDArray[np.float32] | None:
-    """Returns the (width,) value of a constant primvar; None if it varies over the surface or is absent."""
+    """Returns the (width,) value of a constant primvar; None if it varies over the surface, is absent or not finite."""
     primvar = find_primvar(prim, name)
     if primvar is None:
         return None
     values = array(primvar.ComputeFlattened(time), width)
-    return values[0] if len(values) == 1 or (len(values) and primvar.GetInterpolation() == "constant") else None
+    is_constant = len(values) == 1 or (len(values) > 0 and primvar.GetInterpolation() == "constant")
+    return values[0] if is_constant and np.isfinite(values[0]).all() else None
 
 
 def constant_value(prim: Any, name: str, time: Any) -> float | tuple[float, ...] | None:
