@@ -23,7 +23,7 @@ from renderer.film import Sums
 from renderer.image import rgbe9995
 from renderer.settings import RenderSettings
 from service.viewing.canvas import Canvas
-from service.viewing.denoised import DenoisedView
+from service.viewing.denoised import FAILURES_ALLOWED, DenoisedView
 from service.viewing.passes import GUIDES_AFTER, DraftSize, Passes, Piece, levels_of
 from service.viewing.view_request import ViewRequest
 
@@ -234,10 +234,14 @@ class ViewSession:
             level = self._canvases[self._denoised.level].level
             self._denoised.end(None if words is None else np.frombuffer(words, "<u4").reshape(level.height, level.width))
 
-    def stop_denoising(self) -> None:
-        """Shows the view with its noise from now on, since it cannot be denoised."""
+    def fail_denoising(self) -> None:
+        """Records that a picture could not be denoised. After FAILURES_ALLOWED failures in succession the view shows its noise."""
         with self._lock:
-            self._denoised = None
+            if self._denoised is None:
+                return
+            self._denoised.end(None)
+            if self._denoised.failures >= FAILURES_ALLOWED:
+                self._denoised = None
 
     @property
     def piece_wait_s(self) -> float:

@@ -13,7 +13,9 @@ from protocol.pictures import DRAFT, VIEW, decode_view
 from renderer.film import SAMPLES, plane_count
 from renderer.image import rgbe9995
 from renderer.settings import RenderSettings, View
+from service.viewing import denoised
 from service.viewing import session as view_session
+from service.viewing.denoised import FAILURES_ALLOWED
 from service.viewing.passes import GUIDE_SAMPLES, GUIDES_AFTER, DraftSize, Piece
 from service.viewing.session import ViewSession
 
@@ -124,14 +126,21 @@ def test_denoised_view_has_a_draft_and_no_noise_after_it(session: ViewSession) -
     assert packet is not None and VIEW.unpack(packet).tiles == 1 and session.is_denoised
 
 
-def test_view_that_cannot_be_denoised_shows_its_noise_after_the_draft(session: ViewSession) -> None:
+def test_view_shows_its_noise_only_after_several_pictures_could_not_be_denoised(
+    session: ViewSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One failure may be due to a busy machine: the next picture is tried, and noise does not replace what is shown."""
+    monkeypatch.setattr(denoised, "LOST_S", 0.0)
     show(session, 1, denoises=True)
     drafted(session).take_draft(1)
     for first in range(4):
         add_samples(session, first, 1)
-    session.begin_denoising()
-    session.stop_denoising()
-    assert session.take_packet(2) is not None
+    add_samples(session, GUIDES_AFTER, GUIDE_SAMPLES - GUIDES_AFTER, is_guide=True)
+    for _ in range(FAILURES_ALLOWED):
+        assert session.denoises and session.take_packet(2) is None
+        assert session.begin_denoising() is not None
+        session.fail_denoising()
+    assert not session.denoises and session.take_packet(2) is not None
 
 
 def test_denoised_picture_is_exact_before_the_view_is_complete(session: ViewSession) -> None:
