@@ -235,7 +235,7 @@ class ViewSession:
             self._denoised.end(None if words is None else np.frombuffer(words, "<u4").reshape(level.height, level.width))
 
     def fail_denoising(self) -> None:
-        """Records that a picture could not be denoised. After FAILURES_ALLOWED failures in succession the view shows its noise."""
+        """Records that a picture could not be denoised. The view shows its noise after FAILURES_ALLOWED in succession."""
         with self._lock:
             if self._denoised is None:
                 return
