@@ -33,6 +33,8 @@ SHOW_EVERY_S = 0.25  # while a picture is incomplete
 SHOW_CONVERGED_S = 2.0  # for a view that has been shown for long and changes slowly
 MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this time, so that dragging shows pictures
 MIN_DRAFT_WAIT_S = 2.0  # the same until its draft has come
+# Time for GUIDES_AFTER samples up to which fewer are not denoised: smeared, they replace nothing, and take as long as one or two samples.
+GUIDED_AFTER_S = 2.0
 DRAFT_REST_S = 0.1  # after a draft, without a request for another view, until the view is rendered
 MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
 
@@ -167,7 +169,9 @@ class ViewSession:
                 )
                 for level in levels
             ]
-            self._denoised = DenoisedView(max(self._whole_draft_samples, 1), keeps=self.request.is_home) if denoises else None
+            whole_s = cost_s * settings.width * settings.height / (max(slots, 1) + card_rate * cost_s)  # of one sample a pixel
+            first = GUIDES_AFTER if GUIDES_AFTER * whole_s <= GUIDED_AFTER_S else 1
+            self._denoised = DenoisedView(max(self._whole_draft_samples, first), keeps=self.request.is_home) if denoises else None
 
     def settings_of(self, piece: Piece) -> RenderSettings:
         """Returns the render settings of a piece: those of the view, with its level's size; a guide's have depth 1."""

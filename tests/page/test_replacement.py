@@ -11,7 +11,7 @@ from renderer.scene.presets import preset_image
 from tests.page.node import Node
 
 USUAL = {
-    **{"isOutdated": False, "isPoor": False, "share": 1, "isDenoised": True, "isLast": False, "isLatest": True, "denoises": True},
+    "isOutdated": False, "isPoor": False, "share": 1, "isDenoised": True, "isLast": False, "isLatest": True, "denoises": True,
     "waited": 1000,
 }
 NEVER = None

@@ -22,15 +22,18 @@ from service.viewing.session import ViewSession
 SETTINGS = RenderSettings(96, 64, View((0.0, 0.0, 4.0), (0.0, 0.0, 0.0)))
 WHOLE = DraftSize(96, 64, 4)
 CPU_S = 1e-6
+SLOW_S = 1e-3  # with which a sample of the whole view takes six seconds
 
 
-def show(session: ViewSession, id: int, draft: DraftSize | None = WHOLE, denoises: bool = False, **settings: Any) -> None:
-    """Begins to render view `id`."""
+def show(
+    session: ViewSession, id: int, draft: DraftSize | None = WHOLE, denoises: bool = False, cost_s: float = CPU_S, **settings: Any
+) -> None:
+    """Begins to render view `id`. cost_s: seconds per sample of a pixel."""
     own = replace(SETTINGS, **settings)
     about = {"samples": 32, "noise": None, "has_alpha": True, "draft_exposure": 0.0, "is_home": True, "upload": "a scene"}
     request: Any = SimpleNamespace(id=id, settings=own, **about)
     session.switch_to(request, id)
-    session.begin_rendering(own, "c", "k", CPU_S, 1, denoises, draft=draft)
+    session.begin_rendering(own, "c", "k", cost_s, 1, denoises, draft=draft)
 
 
 def drafted(session: ViewSession) -> ViewSession:
@@ -143,9 +146,22 @@ def test_view_shows_its_noise_only_after_several_pictures_could_not_be_denoised(
     assert not session.denoises and session.take_packet(2) is not None
 
 
+@pytest.mark.parametrize(("cost_s", "first"), [(CPU_S, GUIDES_AFTER), (SLOW_S, 1)])
+def test_few_samples_are_denoised_only_where_more_take_long(session: ViewSession, cost_s: float, first: int) -> None:
+    """Of a fast view the first whole picture has clean guides; fewer samples would take the time of these."""
+    show(session, 1, None, denoises=True, cost_s=cost_s)
+    add_samples(session, GUIDES_AFTER, GUIDE_SAMPLES - GUIDES_AFTER, is_guide=True)
+    for number in range(GUIDES_AFTER):
+        assert session.begin_denoising() is None
+        add_samples(session, number, 1)
+        if number + 1 == first:
+            break
+    assert session.begin_denoising() == (96, 64, first == GUIDES_AFTER)
+
+
 def test_denoised_picture_is_exact_before_the_view_is_complete(session: ViewSession) -> None:
     """The steps of coarse brightness, 2 %, are blotches where noise does not hide them."""
-    show(session, 1, None, denoises=True)
+    show(session, 1, None, denoises=True, cost_s=SLOW_S)
     add_samples(session, 0, 1)
     width, height, has_clean_guides = session.begin_denoising() or (0, 0, True)
     assert not has_clean_guides
