@@ -11,7 +11,13 @@ from renderer.scene.presets import preset_image
 from tests.page.node import Node
 
 USUAL = {
-    "isOutdated": False, "isPoor": False, "share": 1, "isDenoised": True, "isLast": False, "isLatest": True, "denoises": True,
+    "isOutdated": False,
+    "isPoor": False,
+    "share": 1,
+    "isDenoised": True,
+    "isLast": False,
+    "isLatest": True,
+    "denoises": True,
     "waited": 1000,
 }
 NEVER = None
@@ -47,11 +53,16 @@ def test_noise_never_replaces_a_picture_of_the_view_while_denoised_ones_come(nod
     assert first_replacing(node, shown=shown, isOutdated=True) == 0, "a small picture shows the new light"
 
 
+@pytest.mark.parametrize("shown", ["clear", "mesh", "projected"])
+def test_picture_of_an_earlier_request_replaces_nothing(node: Node, shown: str) -> None:
+    """It has another camera or light: the mesh already shows the new ones."""
+    assert first_replacing(node, shown=shown, isLatest=False, isLast=True, waited=1e9) is NEVER
+
+
 def test_small_picture_replaces_nothing_sharp(node: Node) -> None:
     for shown in ("clear", "mesh", "projected"):
         assert first_replacing(node, shown=shown, share=0.5, waited=1e9) is NEVER
     assert first_replacing(node, shown="projected", share=0.5, isPoor=True) == 4, "which shows little of the view"
-    assert first_replacing(node, shown="projected", isLatest=False, isLast=True) is NEVER, "it has another camera"
 
 
 @pytest.mark.parametrize("name", ["studio", "dark-studio", "overcast", "even-white"])

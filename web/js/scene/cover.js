@@ -370,7 +370,7 @@ export class Cover {
    * @param {Requested | undefined} shown the request of the picture
    */
   judge(picture, shown) {
-    this.sampledAt = picture.mean < 1 ? 0 : this.sampledAt || performance.now(); // another view begins anew
+    this.sampledAt = picture.mean < 1 || !picture.isLatest ? 0 : this.sampledAt || performance.now(); // another view begins anew
     const waited = this.sampledAt && performance.now() - this.sampledAt;
     const { isOutdated, hasKept, mesh } = this;
     if (replaces({ ...picture, shown: this.shown, isOutdated, isPoor: hasKept && mesh.distance === 1, waited })) this.release();

@@ -46,7 +46,7 @@ function denoisedSpp(shown, isLate) {
 
 /** Returns whether a picture replaces what is shown. While denoised pictures come, noise replaces nothing that is of the same view. @param {Facts} facts */
 export function replaces({ shown, isOutdated, isPoor, spp, share, isDenoised, isLast, isLatest, denoises, waited }) {
-  if (shown === "projected" && !isLatest) return false;
+  if (!isLatest) return false;
   const isLate = waited > ROUGH_MS;
   if (isOutdated) return isDenoised || !denoises || waited > OUTDATED_MS;
   if (!isDenoised) return !denoises || shown === "nothing" ? isLast || spp >= NOISY_SPP[shown] : false;
