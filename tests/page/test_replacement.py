@@ -33,7 +33,7 @@ def first_replacing(node: Node, **facts: Any) -> float | None:
 
 @pytest.mark.parametrize(
     ("shown", "denoised", "late", "noise_of_undenoised"),
-    [("nothing", 0, 0, 4), ("thumbnail", 0, 0, 4), ("clear", 16, 16, 8), ("mesh", 8, 4, 4), ("projected", 4, 0, 1)],
+    [("nothing", 0, 0, 4), ("thumbnail", 0, 0, 4), ("clear", 16, 16, 8), ("mesh", 8, 4, 4), ("projected", 4, 4, 1)],
 )
 def test_picture_replaces_what_is_shown_once_it_looks_better(
     node: Node, shown: str, denoised: int, late: int, noise_of_undenoised: int
@@ -62,7 +62,12 @@ def test_picture_of_an_earlier_request_replaces_nothing(node: Node, shown: str) 
 def test_small_picture_replaces_nothing_sharp(node: Node) -> None:
     for shown in ("clear", "mesh", "projected"):
         assert first_replacing(node, shown=shown, share=0.5, waited=1e9) is NEVER
-    assert first_replacing(node, shown="projected", share=0.5, isPoor=True) == 4, "which shows little of the view"
+    assert first_replacing(node, shown="projected", share=0.5, isPoor=True) == 0, "which shows little of the view"
+
+
+def test_projected_picture_stays_at_rest_only_where_it_is_sharp(node: Node) -> None:
+    cases = [[0, 0.5], [0.05, 0.9], [0.05, 0.8], [0.14, 1]]
+    assert node.call("scene/replacement", "return a.map((each) => m.staysSharp(...each));", cases) == [True, True, False, False]
 
 
 @pytest.mark.parametrize("name", ["studio", "dark-studio", "overcast", "even-white"])

@@ -8,7 +8,7 @@ import { h } from "../base/dom.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
 import { meshOf } from "./preview-mesh.js";
-import { replaces } from "./replacement.js";
+import { replaces, staysSharp } from "./replacement.js";
 import { meshPicture } from "./view-pictures.js";
 
 /** @typedef {import("../base/types.js").View} View */
@@ -34,10 +34,8 @@ const HELD_BACK = "held-back";
 const COVERED_MS = 700;
 /** Time, in milliseconds, for which the camera rests before the sharp mesh replaces a picture that is projected onto it; and in which it does. */
 const [REST_MS, FADE_MS] = [150, 150];
-/** Distance of the cameras, of 1, from which the kept picture shows little of the view, and up to which it stays sharp. */
-const [POOR, NEAR] = [0.6, 0.05];
-/** Part of the view's width that a kept picture must have to be as sharp as the mesh. */
-const SHARP_SHARE = 0.9;
+/** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
+const POOR = 0.6;
 
 /** @param {View} view */
 export const projectionOf = ({ projection }) => projection ?? "perspective";
@@ -224,8 +222,7 @@ export class Cover {
     const { mesh, canvas } = this;
     const { distance, kept } = mesh;
     if (!kept || !this.isHeld || !this.isMeshTrue) return;
-    const isSharp = distance === 0 || (distance <= NEAR && kept.width >= SHARP_SHARE * canvas.clientWidth);
-    if (!isSharp || this.isOutdated) this.unkeep();
+    if (this.isOutdated || !staysSharp(distance, kept.width / canvas.clientWidth)) this.unkeep();
   }
 
   /** Fades the projected picture out, and shows the mesh itself. */

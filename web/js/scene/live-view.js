@@ -271,7 +271,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
         const isPreview = cover.isInstead || (denoised && !spp); // a small picture
         if (counted.id !== id) counted = { id, n: 0 };
         if (!isPreview) counted.n = Math.max(counted.n, spp); // a denoised picture may have fewer than the noise had before it
-        say(isPreview ? previewWords(done, cover.isOtherLight) : clarity(counted.n, noise, done, denoised), done);
+        say(isPreview ? previewWords(done, cover.isInstead && cover.isOtherLight) : clarity(counted.n, noise, done, denoised), done);
       }
       state.title = done ? "" : [progressWords(mean, noise), tn(slots, "{n} slot", "{n} slots")].filter(Boolean).join(", ");
     },

@@ -27,28 +27,33 @@ export const SHARP_SPP = 4;
 export const CLEAR_SPP = 8;
 /** Samples per pixel from which a denoised picture replaces a clear one, as many as an idle farm gives a poster. */
 const POSTER_SPP = 16;
-/** Time, in milliseconds, after which samples that denoising smears replace the preview mesh, and those of any number a projected picture. */
+/** Time, in milliseconds, after which SHARP_SPP samples, which denoising smears, replace the preview mesh. */
 const ROUGH_MS = 3000;
 /** Time, in milliseconds, after which noise replaces an outdated picture: that it is outdated is worse. */
 const OUTDATED_MS = 2000;
 /** Part of the view's width from which a picture is as fine as what is shown. */
 const FINE_SHARE = 0.75;
 
+/** Distance of the cameras, of 1 (about 50 degrees), up to which a projected picture has neither halos around the shapes nor stretched surfaces. */
+const NEAR = 0.05;
+/** Part of the view's width that it must have to be as sharp as the mesh. */
+const SHARP_SHARE = 0.9;
+
 /** Samples per pixel with which the noise of a view that is never denoised replaces what is shown. @type {Record<Shown, number>} */
 const NOISY_SPP = { nothing: SHARP_SPP, thumbnail: SHARP_SPP, mesh: SHARP_SPP, clear: 2 * SHARP_SPP, projected: 1 };
 
-/** Those with which a denoised picture does. @param {Shown} shown @param {boolean} isLate @returns {number} */
-function denoisedSpp(shown, isLate) {
-  if (shown === "clear") return POSTER_SPP;
-  if (shown === "mesh") return isLate ? SHARP_SPP : CLEAR_SPP;
-  return shown === "projected" && !isLate ? SHARP_SPP : 0;
-}
+/** Those with which a denoised picture does. @type {Record<Shown, number>} */
+const DENOISED_SPP = { nothing: 0, thumbnail: 0, mesh: CLEAR_SPP, clear: POSTER_SPP, projected: SHARP_SPP };
 
 /** Returns whether a picture replaces what is shown. While denoised pictures come, noise replaces nothing that is of the same view. @param {Facts} facts */
 export function replaces({ shown, isOutdated, isPoor, spp, share, isDenoised, isLast, isLatest, denoises, waited }) {
   if (!isLatest) return false;
-  const isLate = waited > ROUGH_MS;
   if (isOutdated) return isDenoised || !denoises || waited > OUTDATED_MS;
   if (!isDenoised) return !denoises || shown === "nothing" ? isLast || spp >= NOISY_SPP[shown] : false;
-  return (share >= FINE_SHARE || isPoor) && (isLast || spp >= denoisedSpp(shown, isLate));
+  if (isPoor) return true;
+  const needed = shown === "mesh" && waited > ROUGH_MS ? SHARP_SPP : DENOISED_SPP[shown];
+  return share >= FINE_SHARE && (isLast || spp >= needed);
 }
+
+/** Returns whether a picture that is projected for another camera at rest is as sharp as the preview mesh. @param {number} distance of the cameras, 0 ... 1 @param {number} share of the view's width that the picture has */
+export const staysSharp = (distance, share) => distance === 0 || (distance <= NEAR && share >= SHARP_SHARE);
