@@ -272,7 +272,8 @@ def takes_are_shared_and_restored(view: LiveView, ben: Page, turned: str) -> Non
 SAID = """() => {
     const state = document.querySelector(".view-state");
     window.said = [];
-    new MutationObserver(() => said.push(state.textContent)).observe(state, { childList: true, characterData: true, subtree: true });
+    const all = { childList: true, characterData: true, subtree: true };
+    new MutationObserver(() => said.push(state.textContent)).observe(state, all);
 }"""
 
 
