@@ -21,9 +21,10 @@ EARLY_SAMPLES = 8.0  # samples per pixel below which a denoised picture is rough
 class DenoisedView:
     """State of a view's denoising. Not thread-safe.
 
-    The small pictures of a new view are denoised once each, so that the view is soon clean. The whole one is denoised at 1, 2, 4,
-    8 ... samples per pixel and at the end, one at a time, and for at most a quarter of the time, or half of it while it has fewer
-    than EARLY_SAMPLES. Once one was shown, or a draft, pictures with noise are not, so that the view does not flicker.
+    The small pictures of a new view are denoised once each, so that the view is soon clean. The whole one is denoised at `first`
+    samples per pixel, whenever they have doubled, and at the end, one at a time, and for at most a quarter of the time, or half
+    of it while it has fewer than EARLY_SAMPLES. Once one was shown, or a draft, pictures with noise are not, so that the view
+    does not flicker.
     """
 
     def __init__(self, first: float = 1.0, *, keeps: bool = False) -> None:

@@ -158,7 +158,8 @@ export class Cover {
   get isBlackBehind() {
     const { mesh } = this.mesh;
     if (this.isThumbnailBlack && this.isInstead && !this.isMeshShown) return true;
-    return this.isMeshShown && !this.hasKept && mesh !== null && !mesh.environment && !mesh.isStudio;
+    const { color, preset } = this.light;
+    return this.isMeshShown && this.isMeshTrue && !this.hasKept && mesh !== null && !mesh.environment && !mesh.isStudio && !color && !preset;
   }
 
   /** Whether a picture is projected onto the mesh. */
@@ -317,7 +318,8 @@ export class Cover {
   }
 
   /**
-   * Keeps the canvas's denoised picture on the page after a change, projected for the new camera, until the new one is denoised.
+   * Keeps the canvas's denoised picture on the page after a change, projected for the new camera, until the new one is denoised; or shows
+   * the mesh, if it has the new light.
    *
    * @param {Requested | undefined} shown the request of the picture
    */
@@ -331,7 +333,8 @@ export class Cover {
     mesh.setView(this.view());
     this.keep(shown);
     this.canvas.classList.add(HELD_BACK);
-    if (this.isOutdated && this.isMeshTrue) this.unkeep(); // it has the new light
+    this.isMeshTrue = this.lightMesh(); // it may have been loaded since the request
+    if (this.isOutdated && this.isMeshTrue) this.unkeep();
   }
 
   /** Projects the canvas's picture for the present camera until another is clear. @param {Requested} shown its request */

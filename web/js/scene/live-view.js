@@ -60,10 +60,13 @@ const MOST_REQUESTS = 256;
  * @property {() => import("../film/first-look.js").FirstLook} firstLook what a job that is started now shows first
  */
 
+/** @returns {import("../film/first-look.js").FirstLook} */
+const noLook = () => ({ film: new Film(1, 1), isSame: false, clean: "" });
+
 /** Returns what replaces the live view where the browser cannot show it. @param {string} reason @returns {LiveView} */
 const withoutView = (reason) => ({
   ...{ element: h("p", { class: "notice" }, reason), takes: null, refresh: () => {}, dispose: () => {} },
-  ...{ look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), setLook: () => {}, firstLook: () => ({ film: new Film(1, 1), isSame: false, clean: "" }) },
+  ...{ look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), setLook: () => {}, firstLook: noLook },
 });
 
 /**
@@ -403,7 +406,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     refresh,
     look: () => hand.look.value,
     setLook: ({ exposure, curve }) => hand.restore(exposure, curve),
-    firstLook: () => ({ film: film.film, isSame: !link.pending && pictureId() === link.id, clean: cover.pictureUrl() }),
+    // A picture in another light would be taken for the job's.
+    firstLook: () => (cover.isInstead && cover.isOutdated ? noLook() : { film: film.film, isSame: !link.pending && pictureId() === link.id, clean: cover.pictureUrl() }),
     dispose() {
       keepClear();
       removeEventListener("pagehide", keepClear);
