@@ -326,7 +326,8 @@ class _Viewer:
             id, mean, message = session.request.id, round(session.mean_samples, 1), self._notice or session.message
             progress = session.samples, session.max_samples, mean, session.noise, session.is_done, session.slots
             shown = session.denoised_samples
-            state = ViewState(id, *progress, message, session.is_denoised, None if shown is None else round(shown, 1))
+            samples = None if shown is None else round(shown, 1)
+            state = ViewState(id, *progress, message, session.is_denoised, samples, session.denoises)
             if session.error is not None and self._told_error != (refused := Refused(id, session.error)):
                 self._told_error = refused
                 await self._socket.send_text(_encoded_message(refused))

@@ -9,10 +9,11 @@ import numpy.typing as npt
 
 from renderer.image import rgbe9995
 
-__all__ = ["DenoisedView"]
+__all__ = ["FAILURES_ALLOWED", "DenoisedView"]
 
 F32 = npt.NDArray[np.float32]
 LOST_S = 1.0  # until the next is tried after one was lost
+FAILURES_ALLOWED = 3  # in succession, after which a view is not denoised: one may be due to a busy machine
 REST, EARLY_REST = 3.0, 1.0  # times the duration of the last denoising until the next begins; and after one of few samples
 EARLY_SAMPLES = 8.0  # samples per pixel below which a denoised picture is rough
 
@@ -20,9 +21,10 @@ EARLY_SAMPLES = 8.0  # samples per pixel below which a denoised picture is rough
 class DenoisedView:
     """State of a view's denoising. Not thread-safe.
 
-    The small pictures of a new view are denoised once each, so that the view is soon clean. The whole one is denoised at 1, 2, 4,
-    8 ... samples per pixel and at the end, one at a time, and for at most a quarter of the time, or half of it while it has fewer
-    than EARLY_SAMPLES. Once one was shown, or a draft, pictures with noise are not, so that the view does not flicker.
+    The small pictures of a new view are denoised once each, so that the view is soon clean. The whole one is denoised at `first`
+    samples per pixel, whenever they have doubled, and at the end, one at a time, and for at most a quarter of the time, or half
+    of it while it has fewer than EARLY_SAMPLES. Once one was shown, or a draft, pictures with noise are not, so that the view
+    does not flicker.
     """
 
     def __init__(self, first: float = 1.0, *, keeps: bool = False) -> None:
@@ -43,6 +45,7 @@ class DenoisedView:
         self._began = 0.0
         self._rests_until = 0.0
         self._lost_until = 0.0
+        self.failures = 0  # lost pictures since the latest one that came
         self._picture: F32 | None = None  # not shown yet
 
     def is_due(self, least: int, mean: float, is_complete: bool) -> bool:
@@ -75,8 +78,10 @@ class DenoisedView:
             self._rests_until = now + rest * (now - self._began)
         self.means = None
         if words is None:
+            self.failures += 1
             self._lost_until = now + LOST_S
         else:
+            self.failures = 0
             self._picture, self._samples = rgbe9995.unpack(words), self._asked
             if self._keeps and self._asked:
                 self.kept = words, self._asked

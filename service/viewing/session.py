@@ -23,7 +23,7 @@ from renderer.film import Sums
 from renderer.image import rgbe9995
 from renderer.settings import RenderSettings
 from service.viewing.canvas import Canvas
-from service.viewing.denoised import DenoisedView
+from service.viewing.denoised import FAILURES_ALLOWED, DenoisedView
 from service.viewing.passes import GUIDES_AFTER, DraftSize, Passes, Piece, levels_of
 from service.viewing.view_request import ViewRequest, view_key
 
@@ -33,6 +33,8 @@ SHOW_EVERY_S = 0.25  # while a picture is incomplete
 SHOW_CONVERGED_S = 2.0  # for a view that has been shown for long and changes slowly
 MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this time, so that dragging shows pictures
 MIN_DRAFT_WAIT_S = 2.0  # the same until its draft has come
+# Time for GUIDES_AFTER samples up to which fewer are not denoised: they are smeared, and take as long as a sample or two.
+GUIDED_AFTER_S = 2.0
 DRAFT_REST_S = 0.1  # after a draft, without a request for another view, until the view is rendered
 MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
 
@@ -177,7 +179,9 @@ class ViewSession:
                 )
                 for level in levels
             ]
-            self._denoised = DenoisedView(max(self._whole_draft_samples, 1), keeps=self.request.is_home) if denoises else None
+            whole_s = cost_s * settings.width * settings.height / (max(slots, 1) + card_rate * cost_s)  # of one sample a pixel
+            first = GUIDES_AFTER if GUIDES_AFTER * whole_s <= GUIDED_AFTER_S else 1
+            self._denoised = DenoisedView(max(self._whole_draft_samples, first), keeps=self.request.is_home) if denoises else None
 
     def end_sampling(self) -> None:
         """Ends the view with the samples that it has, which are denoised a last time: its page was left."""
@@ -260,10 +264,14 @@ class ViewSession:
             level = self._canvases[self._denoised.level].level
             self._denoised.end(None if words is None else np.frombuffer(words, "<u4").reshape(level.height, level.width))
 
-    def stop_denoising(self) -> None:
-        """Shows the view with its noise from now on, since it cannot be denoised."""
+    def fail_denoising(self) -> None:
+        """Records that a picture could not be denoised. The view shows its noise after FAILURES_ALLOWED in succession."""
         with self._lock:
-            self._denoised = None
+            if self._denoised is None:
+                return
+            self._denoised.end(None)
+            if self._denoised.failures >= FAILURES_ALLOWED:
+                self._denoised = None
 
     @property
     def piece_wait_s(self) -> float:

@@ -344,13 +344,13 @@ class ViewScheduler:
         return is_taken
 
     def _send(self, out: PendingMessage, work: ViewParts | ViewFrame | ViewDenoise) -> None:
+        out.queue = out.queue or view_queue(out.kind)
+        self._out[out.id] = out  # before a worker may ask for the picture that the message is about
         try:
-            out.queue = out.queue or view_queue(out.kind)
             self._dispatcher.send_view(work, out.queue)
         except QueueError:
-            out.requeue()
+            self._end_message(out)
             raise
-        self._out[out.id] = out
 
     def _send_frame(self, session: ViewSession, kind: str) -> None:
         is_out = any(out.is_frame and out.session is session for out in self._out.values())
@@ -475,7 +475,7 @@ class ViewScheduler:
             case "failed" if out.denoises:
                 log.info("%s cannot denoise a view: %s", answer.worker, answer.more.get("error"))
                 self._out.pop(out.id, None)
-                session.stop_denoising()
+                session.fail_denoising()
             case "failed":
                 self._end_message(out)
                 self._fail_session(session, str(answer.more.get("error", ""))[:2000])

@@ -268,6 +268,15 @@ def takes_are_shared_and_restored(view: LiveView, ben: Page, turned: str) -> Non
     expect(page.get_by_role("button", name=re.compile("^Low light"))).to_be_visible()
 
 
+# Collects the words over the view.
+SAID = """() => {
+    const state = document.querySelector(".view-state");
+    window.said = [];
+    const all = { childList: true, characterData: true, subtree: true };
+    new MutationObserver(() => said.push(state.textContent)).observe(state, all);
+}"""
+
+
 @pytest.mark.long
 @pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
 def test_live_view_is_denoised_and_can_show_its_noise(farm: Farm, watched: Watched) -> None:
@@ -294,6 +303,15 @@ def test_live_view_is_denoised_and_can_show_its_noise(farm: Farm, watched: Watch
     view.page.keyboard.press("ArrowLeft")
     expect(held).to_have_count(1)  # the picture of the new connection is kept, too
     expect(held).to_have_count(0, timeout=60_000)
+    view.page.evaluate(SAID)
+    for light, words in (("Overcast", "Preview, rendering …"), ("Clear sky", "New light: rendering …")):
+        view.page.get_by_text(light, exact=True).first.click()
+        expect(held).to_have_count(
+            1
+        )  # the mesh shows the first light at once, and the picture in the old light precedes the second
+        expect(held).to_have_count(0, timeout=60_000)
+        expect(view.page.locator(".view-state")).to_have_text(re.compile("^[48] samples, denoised"), timeout=60_000)
+        assert words in view.page.evaluate("said.splice(0)"), "and no count of the view before"
     first = view.number()
     switch.click()
     expect(switch).to_have_attribute("aria-pressed", "false")

@@ -308,36 +308,3 @@ def test_mesh_of_a_scene_that_was_left_does_not_disturb_the_open_one(node: Node)
             Object.assign(globalThis, known);
         }"""
     assert node.call("scene/preview-mesh", body, list(encode_mesh(triangle()))) == ["AbortError", True, 1, 2]
-
-
-JUDGES = """
-    const now = performance.now();
-    const sampledAt = a.waited === undefined ? 0 : now - a.waited;
-    let isReleased = false;
-    const cover = { sampledAt, hasKept: a.kept ?? false, isMeshShown: true, isChanged: false, keptLight: "" };
-    const page = { meanwhile: {}, mesh: { distance: a.distance ?? 0.1 }, surface: { style: {} }, willBeDenoised: () => true };
-    const calls = { release: () => (isReleased = true), keepNewer() {} };
-    const { mean, shown, done = false, share = 1 } = a;
-    const state = { mean, shown, done, share, denoised: true, isLatest: true, light: "" };
-    m.Cover.prototype.judge.call({ __proto__: m.Cover.prototype, ...cover, ...page, ...calls }, state, undefined);
-    return isReleased;"""
-
-
-def test_denoised_picture_replaces_the_mesh_once_it_has_enough_samples_itself(node: Node) -> None:
-    """The view may have eight times as many by the time that a denoised picture comes."""
-
-    def is_shown(**given: object) -> object:
-        return node.call("scene/cover", JUDGES, given)
-
-    assert is_shown(mean=20, shown=2, waited=100) is False
-    assert is_shown(mean=20, shown=8, waited=100) is True
-    assert is_shown(mean=20, shown=8, share=0.5, waited=100) is False, "it is small"
-    assert is_shown(mean=9, shown=4, waited=2900) is False
-    assert is_shown(mean=9, shown=4, waited=3100) is True
-    assert is_shown(mean=9, shown=2, waited=20_000) is False, "the mesh looks better"
-    assert is_shown(mean=4, shown=4, waited=100, done=True) is True, "no more samples come"
-    assert is_shown(mean=4, shown=1, waited=100, done=True) is False, "the picture of all samples comes"
-    assert is_shown(mean=20, shown=1, waited=100, kept=True) is False, "after a turn of the camera, the guides have noise"
-    assert is_shown(mean=20, shown=4, waited=100, kept=True) is True
-    assert is_shown(mean=20, shown=1, waited=3100, kept=True) is True
-    assert is_shown(mean=20, shown=1, waited=100, kept=True, distance=0) is True, "something else than the camera was changed"

@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 from websockets.exceptions import ConnectionClosed
 
-from protocol.view_parts import VIEW_ANSWERS, Part, ViewParts, view_key, view_queue
+from protocol.view_parts import VIEW_ANSWERS, Part, ViewDenoise, ViewFrame, ViewParts, view_key, view_queue
 from renderer import film as film_math
 from renderer.image import rgbe9995
 from renderer.settings import Tile
@@ -60,6 +60,31 @@ def test_view_starts_small_and_ends_exact(service: Service, worker: PeerWorker) 
         assert (settings.max_depth, settings.view.eye) == (11, (1.0, 2.0, 3.0))
     until(lambda: not remains_of_views(service), "nothing is left", say=lambda: remains_of_views(service))
     assert blobs(service) == before
+
+
+def test_view_is_denoised_although_a_worker_asks_at_once_or_has_failed_before(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The picture is there before the message is sent: an answer without it would end the denoising of the view."""
+    views = service.farm.views
+    send, is_there, failures = views._dispatcher.send_view, [], [ValueError("the machine is busy")]
+
+    def asking(work: ViewParts | ViewFrame | ViewDenoise, queue: str) -> None:
+        if isinstance(work, ViewDenoise):
+            is_there.append(views.means(work.message) is not None)
+        send(work, queue)
+
+    def fail_once(watch: str) -> None:
+        if failures:
+            raise failures.pop()
+
+    monkeypatch.setattr(views._dispatcher, "send_view", asking)
+    with service.worker(denoises=True) as worker, look(service, service.ready_scene()) as viewer:
+        worker.on_denoise = fail_once
+        viewer.show(1, spp=4, denoise=True)
+        until(lambda: (viewer.read(), bool(viewer.states) and viewer.states[-1]["denoised"])[1], "it is denoised")
+    assert not failures and len(is_there) > 1 and all(is_there)
+    assert all(state["denoises"] for state in viewer.states if state["id"] == 1 and state["samples"])
 
 
 @pytest.mark.long

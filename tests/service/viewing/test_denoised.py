@@ -76,6 +76,10 @@ def test_lost_picture_is_tried_again_later(clock: list[float]) -> None:
     clock[0] += LOST_S
     assert view.is_due(4, 4.0, True)
     assert not view.has_picture
+    assert view.failures == 1
+    view.begin(PICTURE, PICTURE, PICTURE, 4.0)
+    view.end(rgbe9995.pack(PICTURE))
+    assert view.failures == 0, "only those in succession count"
 
 
 def test_canvas_gives_means_of_colour_and_guides() -> None:

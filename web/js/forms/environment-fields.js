@@ -6,7 +6,7 @@ import { bytes } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { addEnvironment, dropEnvironment, environments, loadEnvironments } from "../news/environments.js";
 import { known } from "../news/settings-table.js";
-import { LIGHT_FILES, registerLightReceiver } from "../shell/light-drop.js";
+import { LIGHT_FILES, holdLight, registerLightReceiver } from "../shell/light-drop.js";
 import { moreButton } from "../shell/more-button.js";
 import { announce, showError } from "../shell/tray.js";
 import { field, numberInput, numberOf, setShown } from "./fields.js";
@@ -181,7 +181,8 @@ export function environmentFields(first, isLightless) {
     pick(kind);
   });
   if (!environments.value) loadEnvironments().catch((error) => setText(hint, error.message));
-  const drops = registerLightReceiver((file) => void add(file));
+  // The form that is shown before the view, in which nothing can be chosen, leaves the file to the next one.
+  const drops = registerLightReceiver((file) => void (element.closest(".not-yet") ? holdLight(file) : add(file)));
   return {
     element,
     dispose: () => (listen(), drops(), more.dispose()),

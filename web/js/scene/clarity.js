@@ -12,21 +12,27 @@ const MOST = 256; // samples a pixel of a view
 const KEY = "rayfarm-view-noise";
 
 /**
- * @param {number} mean samples a pixel so far
+ * Returns what the view shows of its own picture. It states no estimate of the end, which would change as the noise is measured.
+ *
+ * @param {number} samples a pixel of the picture that is shown; 0: there is none
  * @param {number | null} noise relative; null: unknown with so few samples
  * @param {boolean} isDone
- * @param {boolean} [isPreview] whether the preview mesh or an earlier picture is shown in its place
- * @param {number} [denoised] samples a pixel of the denoised picture that is shown; 0: the noise is seen
+ * @param {boolean} isDenoised
  */
-export function clarity(mean, noise, isDone, isPreview = false, denoised = 0) {
-  if (isPreview) return isDone ? t("Preview") : t("Preview, rendering …");
-  if (!mean) return t("Waiting for the first samples …");
-  const shown = denoised || mean;
-  const n = shown < 1 ? Number(shown.toPrecision(1)) : Math.round(shown);
-  const all = isDone ? 0 : samplesFor(mean, noise);
-  const samples = all > n ? t("{n} of about {all} samples", { n, all }) : tn(n, "{n} sample", "{n} samples");
-  const left = denoised ? t("denoised") : noise === null ? "" : t("{noise} noise", { noise: percent(noise) });
-  return [samples, left, isDone && t("done")].filter(Boolean).join(", ");
+export function clarity(samples, noise, isDone, isDenoised) {
+  if (!samples) return t("Waiting for the first samples …");
+  const n = samples < 1 ? Number(samples.toPrecision(1)) : Math.round(samples);
+  const seen = isDenoised ? t("denoised") : noise === null ? "" : t("{noise} noise", { noise: percent(noise) });
+  return [tn(n, "{n} sample", "{n} samples"), seen, isDone && t("done")].filter(Boolean).join(", ");
+}
+
+/** Returns what the view shows in place of its own picture. @param {boolean} isDone @param {boolean} isOtherLight whether that has another light */
+export const previewWords = (isDone, isOtherLight) => (isOtherLight ? t("New light: rendering …") : isDone ? t("Preview") : t("Preview, rendering …"));
+
+/** Returns how far the view is; "" while that is unknown. @param {number} mean samples a pixel so far @param {number | null} noise after these */
+export function progressWords(mean, noise) {
+  const [n, all] = [Math.round(mean), samplesFor(mean, noise)];
+  return all > n ? t("{n} of about {all} samples", { n, all }) : "";
 }
 
 /** Returns the estimated samples per pixel of the selected level; 0: unknown. @param {number} mean samples per pixel so far @param {number | null} noise after these */

@@ -8,11 +8,12 @@ import { h } from "../base/dom.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
 import { meshOf } from "./preview-mesh.js";
+import { POSTER_SPP, SHARP_SPP, replaces, staysSharp } from "./replacement.js";
 import { meshPicture } from "./view-pictures.js";
 
 /** @typedef {import("../base/types.js").View} View */
 
-/** The camera of a request, and its light as JSON. @typedef {{view: View, light: string}} Requested */
+/** The camera of a request, and the rest of it as JSON, as `sceneOf` returns it. @typedef {{view: View, scene: string}} Requested */
 
 /**
  * A picture to show until the view's first picture arrives. One that is finished, or of a view of which denoised pictures come, stays
@@ -29,25 +30,10 @@ import { meshPicture } from "./view-pictures.js";
 
 const HELD_BACK = "held-back";
 
-/** Samples per pixel after which a view that is never denoised replaces a finished picture; and the preview mesh. */
-const [CLEAN_SPP, MESH_SPP] = [8, 1];
-/**
- * Time, in milliseconds, that a view of MESH_SPP samples is awaited denoised, less where what is shown has another light, and samples per
- * pixel that end the wait: noise must not follow a clean picture.
- */
-const [DENOISED_MS, RELIT_MS, DENOISED_SPP] = [15_000, 2000, 64];
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
-const COVERED_MS = 500;
-/** Part of the view's width that a denoised picture must have to replace the preview mesh. */
-const FINE_SHARE = 0.75;
-/** Samples per pixel with which a denoised picture replaces a picture of itself that was clear. */
-const POSTER_SPP = 16;
-/** Samples per pixel after which a view is clear enough to be kept, and one that is not denoised replaces a preview mesh, a thumbnail or nothing: fewer are noise. */
-export const SHARP_SPP = 4;
-/** Samples per pixel from which a denoised picture replaces the sharp preview mesh, which looks better than those of fewer. */
-export const CLEAR_SPP = 8;
-/** Time, in milliseconds, after which SHARP_SPP samples replace it; and after which any replace a kept picture in the same light. */
-const [ROUGH_MS, KEPT_MS] = [3000, 3000];
+const COVERED_MS = 700;
+/** Time, in milliseconds, for which the camera rests before the sharp mesh replaces a picture that is projected onto it; and in which it does. */
+const [REST_MS, FADE_MS] = [150, 150];
 /** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
 const POOR = 0.6;
 
@@ -56,6 +42,15 @@ export const projectionOf = ({ projection }) => projection ?? "perspective";
 
 /** @param {View} a @param {View} b */
 const isEqual = (a, b) => JSON.stringify(a) === JSON.stringify(b);
+
+/** Returns what a request shows, and in which light, as JSON: all of it but the camera and the size. @param {Record<string, any>} request */
+export function sceneOf(request) {
+  const { view: _, camera: __, width: ___, height: ____, ...others } = request; // the order of keys changes as the camera turns
+  return JSON.stringify(others);
+}
+
+/** Returns what is shown without its light. @param {string} scene as sceneOf returns it */
+const unlit = (scene) => JSON.stringify({ ...JSON.parse(scene || "{}"), environment: undefined });
 
 /** Returns whether a picture of one camera can be shown for another. @param {View} from @param {View} to */
 const canKeep = (from, to) => isEqual(from, to) || (projectionOf(from) === projectionOf(to) && from.projection !== "panorama");
@@ -92,17 +87,21 @@ export class Cover {
     this.isThumbnailBlack = false;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.uncovering = undefined;
-    /** The first request, and the same without its camera. @type {{text: string, scene: string} | null} */
+    /** The first request: its camera and size, what it shows as `sceneOf` returns it, and the same without its light. @type {{place: string, scene: string, unlit: string} | null} */
     this.first = null;
-    /** Whether the latest request shows another scene than the first one: the preview mesh shows only that. */
-    this.isChanged = false;
-    /** Light of the first request. @type {string | undefined} */
-    this.firstLight = undefined;
-    /** Light of the kept picture. @type {string | undefined} */
-    this.keptLight = undefined;
+    /** What the latest request shows. */
+    this.latest = "";
+    /** What the kept picture shows. */
+    this.keptScene = "";
+    /** Light of the latest request. @type {import("../base/types.js").EnvironmentRequest} */
+    this.light = {};
+    /** Whether the mesh shows what the latest request does. */
+    this.isMeshTrue = true;
+    /** Runs while the camera has not rested for long. @type {ReturnType<typeof setTimeout> | undefined} */
+    this.resting = undefined;
     /** The clear picture that is shown first, and its camera. @type {{image: HTMLImageElement, view: View} | null} */
     this.below = null;
-    /** When the view had MESH_SPP samples per pixel; 0: not yet. */
+    /** When the view had a sample per pixel; 0: not yet. */
     this.sampledAt = 0;
     mesh.setScene(scene);
     this.begin();
@@ -159,7 +158,8 @@ export class Cover {
   get isBlackBehind() {
     const { mesh } = this.mesh;
     if (this.isThumbnailBlack && this.isInstead && !this.isMeshShown) return true;
-    return this.isMeshShown && !this.hasKept && mesh !== null && !mesh.environment && !mesh.isStudio;
+    const { color, preset } = this.light;
+    return this.isMeshShown && this.isMeshTrue && !this.hasKept && mesh !== null && !mesh.environment && !mesh.isStudio && !color && !preset;
   }
 
   /** Whether a picture is projected onto the mesh. */
@@ -192,33 +192,88 @@ export class Cover {
     const isBelow = below !== null && this.surface.style.backgroundImage !== "" && canKeep(below.view, this.view());
     mesh.setView(this.view());
     mesh.canvas.hidden = false;
-    if (isBelow && mesh.mesh) {
+    this.isMeshTrue = this.lightMesh();
+    const isBelowTrue = this.latest === this.first?.scene;
+    if (isBelow && mesh.mesh && (isBelowTrue || !this.isMeshTrue)) {
       mesh.keep(below.image, below.view);
-      this.keptLight = this.firstLight;
+      this.keptScene = this.first?.scene ?? "";
     }
     this.surface.style.backgroundImage = "";
     this.canvas.classList.add(HELD_BACK); // the first samples are coarser than the mesh
   }
 
+  /** Lights the mesh as the latest request chooses. Returns whether it then shows what the request does. */
+  lightMesh() {
+    const isLit = this.mesh.relight(this.light);
+    return !this.first || this.latest === this.first.scene || (isLit && unlit(this.latest) === this.first.unlit);
+  }
+
   /** Turns the mesh to the present camera. */
   follow() {
-    if (this.isCovered) this.mesh.setView(this.view());
+    if (!this.isCovered) return;
+    this.mesh.setView(this.view());
+    clearTimeout(this.resting);
+    if (!this.hasKept) return;
+    if (this.mesh.distance >= POOR) this.rest();
+    else this.resting = setTimeout(() => this.rest(), REST_MS);
   }
 
-  /** Compares a request with the first one, and shows the canvas in place of a picture of another view. @param {Record<string, any>} request */
+  /** Shows the sharp mesh in place of a picture that is stretched over it, or smaller than the view. */
+  rest() {
+    const { mesh, canvas } = this;
+    const { distance, kept } = mesh;
+    if (!kept || !this.isHeld || !this.isMeshTrue) return;
+    if (this.isOutdated || !staysSharp(distance, kept.width / canvas.clientWidth)) this.unkeep();
+  }
+
+  /** Fades the projected picture out, and shows the mesh itself. */
+  unkeep() {
+    const { mesh, surface } = this;
+    mesh.draw(); // WebGL keeps its picture only until the next frame
+    const still = h("canvas", { class: "fading", width: mesh.canvas.width, height: mesh.canvas.height, ariaHidden: "true" });
+    still.getContext("2d")?.drawImage(mesh.canvas, 0, 0);
+    surface.append(still);
+    mesh.release();
+    mesh.draw();
+    still.animate({ opacity: [1, 0] }, { duration: FADE_MS, fill: "forwards" });
+    setTimeout(() => still.remove(), FADE_MS);
+  }
+
+  /** What is shown, as `sceneOf` returns it of a request. */
+  get shownScene() {
+    if (this.hasKept) return this.keptScene;
+    return this.isMeshShown && this.isMeshTrue ? this.latest : (this.first?.scene ?? "");
+  }
+
+  /** Whether what is shown has another light, or shows the scene otherwise, than the latest request. */
+  get isOutdated() {
+    return this.shownScene !== this.latest;
+  }
+
+  /** Whether it has another light. */
+  get isOtherLight() {
+    return this.isOutdated && unlit(this.shownScene) === unlit(this.latest);
+  }
+
+  /** Whether the latest request shows the scene otherwise than the first one. */
+  get isChanged() {
+    return this.first !== null && this.latest !== this.first.scene;
+  }
+
+  /** Takes a request: shows the canvas in place of a picture of another camera, and the mesh in a new light. @param {Record<string, any>} request */
   compare(request) {
-    const text = JSON.stringify(request);
-    const { view, camera, width, height, ...others } = request; // the order of keys changes as the camera turns
-    const scene = JSON.stringify(others);
-    this.first ??= { text, scene };
-    this.firstLight ??= JSON.stringify(request["environment"] ?? null);
-    if (text !== this.first.text && !this.isMeshShown) this.release();
-    this.isChanged ||= scene !== this.first.scene;
-  }
-
-  /** Shows the canvas in place of the mesh, which does not show a new light. */
-  relight() {
-    if (!this.hasKept) this.release();
+    const scene = sceneOf(request);
+    const place = JSON.stringify([request["view"], request["camera"], request["width"], request["height"]]);
+    this.first ??= { place, scene, unlit: unlit(scene) };
+    if (place !== this.first.place && !this.isMeshShown) this.release();
+    if (scene === this.latest) return;
+    const isFirst = !this.latest;
+    this.latest = scene;
+    this.light = request["environment"] ?? {};
+    this.isMeshTrue = this.lightMesh();
+    if (isFirst || !this.isInstead || !this.isMeshTrue || !this.mesh.mesh) return;
+    if (this.hasKept) this.unkeep();
+    else if (!this.isMeshShown) this.layMesh();
   }
 
   /** Takes note that a picture or draft has arrived. @returns {boolean} whether it is the first one */
@@ -263,7 +318,8 @@ export class Cover {
   }
 
   /**
-   * Keeps the canvas's denoised picture on the page after a change, projected for the new camera, until the new one is denoised.
+   * Keeps the canvas's denoised picture on the page after a change, projected for the new camera, until the new one is denoised; or shows
+   * the mesh, if it has the new light.
    *
    * @param {Requested | undefined} shown the request of the picture
    */
@@ -277,13 +333,15 @@ export class Cover {
     mesh.setView(this.view());
     this.keep(shown);
     this.canvas.classList.add(HELD_BACK);
+    this.isMeshTrue = this.lightMesh(); // it may have been loaded since the request
+    if (this.isOutdated && this.isMeshTrue) this.unkeep();
   }
 
   /** Projects the canvas's picture for the present camera until another is clear. @param {Requested} shown its request */
-  keep({ view, light }) {
+  keep({ view, scene }) {
     this.picture.draw(); // WebGL keeps its picture only until the next frame
     this.mesh.keep(this.canvas, view);
-    this.keptLight = light;
+    this.keptScene = scene;
   }
 
   /**
@@ -298,51 +356,25 @@ export class Cover {
     if (mesh.distance === 0 ? isEqual(shown.view, this.view()) : mesh.distance >= POOR) this.keep(shown);
   }
 
-  /**
-   * Shows the canvas if its picture has become clear enough to replace what is shown.
-   *
-   * @param {object} state of the picture
-   * @param {number} state.mean samples per pixel
-   * @param {number} state.shown those of the picture: a denoised one may have fewer than the view has by now
-   * @param {boolean} state.done
-   * @param {boolean} state.denoised
-   * @param {boolean} state.isLatest whether it is of the latest request
-   * @param {number} state.share of the view's width that the picture has
-   * @param {string} state.light of the latest request
-   * @param {Requested | undefined} shown the request of the picture
-   */
-  judge({ mean, shown: spp, done, denoised, isLatest, share, light }, shown) {
-    const { mesh, meanwhile, hasKept } = this;
-    this.sampledAt = mean < MESH_SPP ? 0 : this.sampledAt || performance.now(); // another view begins anew
-    const waited = this.sampledAt && performance.now() - this.sampledAt;
-    const patience = hasKept && this.keptLight !== light ? RELIT_MS : DENOISED_MS;
-    const isDenoisedSoon = this.willBeDenoised() && waited <= patience;
-    const isCleanBelow = meanwhile.isFinished && !this.isMeshShown;
-    // The preview mesh is sharp: what replaces it must be as fine, and not smeared by denoising few samples.
-    const isMeshTrue = !hasKept && this.isMeshShown && !this.isChanged;
-    const isSharp = (done && spp >= mean) || this.isDue(spp, waited, light);
-    const isEmptyBelow = !this.isMeshShown && !this.surface.style.backgroundImage;
-    const isEnough = spp >= (isEmptyBelow ? SHARP_SPP : isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : hasKept ? MESH_SPP : SHARP_SPP);
-    // A small picture replaces the kept one only where that is of the same camera, or shows little of the view.
-    const isFine = share >= FINE_SHARE || (hasKept && this.isMeshShown && [0, 1].includes(mesh.distance));
-    const isReady = (done && !isDenoisedSoon) || (denoised && isFine && isSharp) || (isEnough && (isFine || !isMeshTrue));
-    if (isReady && (isLatest || !hasKept)) this.release();
-    else if (denoised) this.keepNewer(shown);
+  /** What is shown in place of the canvas. @returns {import("./replacement.js").Shown} */
+  get shown() {
+    if (this.isMeshShown) return this.hasKept ? "projected" : "mesh";
+    if (!this.surface.style.backgroundImage) return "nothing";
+    return this.meanwhile.isFinished ? "clear" : "thumbnail";
   }
 
   /**
-   * Returns whether a denoised picture has enough samples to replace what is shown.
+   * Shows the canvas if its picture has become clear enough to replace what is shown.
    *
-   * @param {number} spp samples per pixel of the picture
-   * @param {number} waited since the view has samples, in milliseconds
-   * @param {string} light of the latest request
+   * @param {Omit<import("./replacement.js").Facts, "shown" | "isOutdated" | "isPoor" | "waited"> & {mean: number}} picture mean: samples per pixel that the view has by now
+   * @param {Requested | undefined} shown the request of the picture
    */
-  isDue(spp, waited, light) {
-    // A picture of the same camera is kept where something else has changed, which is to be seen. The guides of few samples have noise.
-    if (this.hasKept) return this.mesh.distance === 0 || this.keptLight !== light || spp >= SHARP_SPP || waited > KEPT_MS;
-    if (this.isMeshShown && !this.isChanged) return spp >= CLEAR_SPP || (waited > ROUGH_MS && spp >= SHARP_SPP);
-    const isClearBelow = !this.isMeshShown && this.meanwhile.isFinished && Boolean(this.meanwhile.isClear);
-    return !isClearBelow || spp >= POSTER_SPP;
+  judge(picture, shown) {
+    this.sampledAt = picture.mean < 1 || !picture.isLatest ? 0 : this.sampledAt || performance.now(); // another view begins anew
+    const waited = this.sampledAt && performance.now() - this.sampledAt;
+    const { isOutdated, hasKept, mesh } = this;
+    if (replaces({ ...picture, shown: this.shown, isOutdated, isPoor: hasKept && mesh.distance === 1, waited })) this.release();
+    else if (picture.isDenoised) this.keepNewer(shown);
   }
 
   /** Returns the URL of what is shown in place of the canvas; "" if nothing is. */
@@ -355,13 +387,13 @@ export class Cover {
   worth() {
     const { meanwhile, mesh } = this;
     if (!this.isMeshShown) return meanwhile.isClear ? POSTER_SPP : meanwhile.isFinished && meanwhile.isSame ? SHARP_SPP : 0;
-    if (this.isChanged) return 0;
+    if (!this.isMeshTrue || this.isOutdated) return 0;
     return !this.hasKept ? SHARP_SPP : mesh.distance === 0 ? POSTER_SPP : 0;
   }
 
   dispose() {
     this.isDisposed = true;
-    clearTimeout(this.uncovering);
+    for (const each of [this.uncovering, this.resting]) clearTimeout(each);
     this.mesh.dispose();
   }
 }

@@ -11,9 +11,9 @@ import { Film } from "../film/film.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { addPart } from "../shell/layouts.js";
-import { PREPARING, clarity, clarityField } from "./clarity.js";
+import { PREPARING, clarity, clarityField, previewWords, progressWords } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
-import { CLEAR_SPP, Cover, SHARP_SPP, projectionOf } from "./cover.js";
+import { Cover, projectionOf, sceneOf } from "./cover.js";
 import { darknessNotice } from "./darkness-notice.js";
 import { denoiseView } from "./denoise-view.js";
 import { exposureHand } from "./exposure-hand.js";
@@ -25,6 +25,7 @@ import { people } from "./people.js";
 import { invisibleWords } from "./scene-notices.js";
 import { LIVE } from "./sides.js";
 import { takes } from "./takes.js";
+import { CLEAR_SPP, SHARP_SPP } from "./replacement.js";
 import { ViewFilm } from "./view-film.js";
 import { viewHands } from "./view-hands.js";
 import { ViewLink } from "./view-link.js";
@@ -60,10 +61,13 @@ const MOST_REQUESTS = 256;
  * @property {() => import("../film/first-look.js").FirstLook} firstLook what a job that is started now shows first
  */
 
+/** @returns {import("../film/first-look.js").FirstLook} */
+const noLook = () => ({ film: new Film(1, 1), isSame: false, clean: "" });
+
 /** Returns what replaces the live view where the browser cannot show it. @param {string} reason @returns {LiveView} */
 const withoutView = (reason) => ({
   ...{ element: h("p", { class: "notice" }, reason), takes: null, refresh: () => {}, dispose: () => {} },
-  ...{ look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), setLook: () => {}, firstLook: () => ({ film: new Film(1, 1), isSame: false, clean: "" }) },
+  ...{ look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), setLook: () => {}, firstLook: noLook },
 });
 
 /**
@@ -184,8 +188,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const requests = new Map();
   /** The latest request as the form and as the service have it. @type {{text: string, sent: string} | undefined} */
   let latest;
-  /** Camera and light of the latest request, which is sent with the next frame. @type {Requested} */
-  let next = { view: form.view(), light: "" };
+  /** Camera of the latest request, which is sent with the next frame, and the rest of it. @type {Requested} */
+  let next = { view: form.view(), scene: "" };
   /** Size of the latest request, in pixels. */
   let size = { width: 1, height: 1 };
   /** Maximum number of pixels of the next request. */
@@ -197,6 +201,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let lookedAt = -Infinity;
   /** Samples per pixel of the denoised picture in the canvas; 0: it has noise. */
   let shownSpp = 0;
+  /** Samples per pixel that are stated of a view. @type {{id: number | null, n: number}} */
+  let counted = { id: null, n: 0 };
 
   const pictureId = () => Number(surface.dataset.view);
   /** Whether the view's picture has another projection, from which the present one cannot be computed. */
@@ -215,7 +221,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     dark.look(brightness);
   };
   const sampled = () => {
-    if (cover.sampled() && state.textContent === clarity(0, null, false)) say("", false); // the counts come with the next message
+    if (cover.sampled() && state.textContent === clarity(0, null, false, false)) say("", false); // the counts come with the next message
     followCover();
     picture.invalidate();
   };
@@ -259,17 +265,23 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       surface.dataset.samples = String(samples);
       if (done || mean >= SHARP_SPP) settledId = id;
       if (done && hand.awaitsLight) lookForDarkness(pictureId()); // no further picture comes
-      const shown = denoised ? (found.denoised_samples ?? mean) : mean;
-      cover.judge({ mean, shown, done, denoised, isLatest, share: film.film.width / size.width, light: next.light }, requests.get(id ?? 0));
+      const spp = denoised ? (found.denoised_samples ?? mean) : mean;
+      const denoises = cover.willBeDenoised() && (found.denoises || !mean); // unknown until the view has samples
+      cover.judge({ mean, spp, isLast: done && spp >= mean, isDenoised: denoised, isLatest, denoises, share: film.film.width / size.width }, requests.get(id ?? 0));
       followCover();
       setDenoised(denoised);
-      shownSpp = denoised ? shown : 0;
-      if (isLatest && (done || (denoised && shown >= SHARP_SPP))) clearId = id;
+      shownSpp = denoised ? spp : 0;
+      if (isLatest && (done || (denoised && spp >= SHARP_SPP))) clearId = id;
       if (id !== null && isLatest && pictureId() === id && (done || mean >= WHOLE_SPP)) dark.explain(id, done || mean >= BLACK_SPP);
       meanwhile.steps.follow(mean, CLEAR_SPP, saidOf(found, "message"), cover.willBeDenoised());
       if (message) say(saidOf(found, "message"));
-      else if (bound) say(clarity(mean, noise, done, cover.isInstead, denoised ? shown || mean : 0), done);
-      state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");
+      else if (bound && (isLatest || cover.isInstead)) {
+        const isPreview = cover.isInstead || (denoised && !spp); // a small picture
+        if (counted.id !== id) counted = { id, n: 0 };
+        if (!isPreview) counted.n = Math.max(counted.n, spp); // a denoised picture may have fewer than the noise had before it
+        say(isPreview ? previewWords(done, cover.isInstead && cover.isOtherLight) : clarity(counted.n, noise, done, denoised), done);
+      }
+      state.title = done ? "" : [progressWords(mean, noise), tn(slots, "{n} slot", "{n} slots")].filter(Boolean).join(", ");
     },
     failed: (sentence) => say(sentence),
     picked: (found) => (dark.take(found), hands.take(found)),
@@ -283,7 +295,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const refresh = () => {
     if (!form.element.checkValidity()) return;
     const now = request();
-    if (hand.noticeLight(now["environment"])) cover.relight();
+    hand.noticeLight(now["environment"]);
     cover.compare(now);
     frame.style.setProperty("--aspect", String((now.width ?? 1) / (now.height ?? 1)));
     const { width, height } = sizeFor(now.width ?? 1, now.height ?? 1, wide, mostPixels);
@@ -295,13 +307,14 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       if (latest && text !== latest.text && isSameShape && isClean) cover.hold(requests.get(pictureId()));
       latest = { text, sent };
       size = { width, height };
-      next = { view: form.view(), light: JSON.stringify(now["environment"] ?? null) };
+      next = { view: form.view(), scene: sceneOf(now) };
       dark.endBlackness();
       const drafts = instead.isOpen ? {} : { draft: hand.look.value.exposure }; // whose values a stage cannot compare
       link.show({ ...wanted, ...drafts });
       canvas.classList.toggle("outdated", isOutdated());
     }
     cover.follow();
+    if (isSeen && cover.isInstead) say(previewWords(false, cover.isOtherLight), false); // the counts were of the view before
     foresee();
     framing.update();
     others.changed();
@@ -399,6 +412,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     look: () => hand.look.value,
     setLook: ({ exposure, curve }) => hand.restore(exposure, curve),
     firstLook() {
+      if (cover.isInstead && cover.isOutdated) return noLook(); // a picture in another light would be taken for the job's
       const isSame = !link.pending && pictureId() === link.id;
       return { film: film.film, isSame, clean: cover.pictureUrl(), worth: cover.isInstead ? cover.worth() : isSame ? shownSpp : 0 };
     },

@@ -4,7 +4,7 @@ import { curveIndex } from "../film/film-shader.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { KeptPicture, fromMiddle } from "./kept-picture.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
-import { studio, unpacked } from "./mesh-environment.js";
+import { chosenLight } from "./chosen-light.js";
 import { lampsOf } from "./mesh-lamps.js";
 import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
@@ -69,6 +69,8 @@ export class MeshCanvas {
     this.buffers = [];
     /** The light around, and for which floor it was computed. @type {{texture: WebGLTexture, irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[], hasFloor: boolean, above: Vec3, isBlack: boolean} | null} */
     this.light = null;
+    /** The light that the request chooses. @type {import("../base/types.js").EnvironmentRequest} */
+    this.chosen = {};
     /** What is drawn before glass. @type {WebGLTexture | null} */
     this.behind = null;
     /** Middles of the parts, relative to the mesh's, their sizes, and whether they are shaded at the vertices. @type {{middle: Vec3, size: number, isDense: boolean}[]} */
@@ -172,6 +174,18 @@ export class MeshCanvas {
     this.above = cameras.at(-1)?.view.up ?? this.above; // the automatic camera's
     this.floor = status === "ready" ? Boolean(hasFloor) : floor === "on" || (floor === "auto" && "auto");
     this.invalidate();
+  }
+
+  /** Lights the mesh as a request chooses. Returns false if the page does not know that light. @param {import("../base/types.js").EnvironmentRequest} chosen */
+  relight(chosen) {
+    if (!this.mesh || chosenLight(this.mesh, chosen) === undefined) return false;
+    if (JSON.stringify(chosen) === JSON.stringify(this.chosen)) return true;
+    this.chosen = chosen;
+    if (this.light) this.gl?.deleteTexture(this.light.texture);
+    this.light = null;
+    this.hasShadows = false;
+    this.invalidate();
+    return true;
   }
 
   get hasFloor() {
@@ -391,10 +405,10 @@ export class MeshCanvas {
     const gl = /** @type {WebGL2RenderingContext} */ (this.gl);
     const { hasFloor } = this;
     if (this.light?.hasFloor === hasFloor && this.light.above === this.above) return this.light;
-    const isBlack = !mesh.environment && !mesh.isStudio;
-    const environment = () => (mesh.environment ? unpacked(mesh.environment) : mesh.isStudio ? studio() : null);
+    const environment = chosenLight(mesh, this.chosen) ?? null;
+    const isBlack = environment === null;
     const { lamps, around } = lampsOf(mesh.lamps, isBlack);
-    const tables = tablesOf(mesh, environment, { up: this.above, hasFloor, around, isAlone: isBlack });
+    const tables = tablesOf(mesh, JSON.stringify(this.chosen), () => environment, { up: this.above, hasFloor, around, isAlone: isBlack });
     if (this.light) gl.deleteTexture(this.light.texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.around);
     this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, hasFloor, above: this.above, isBlack };

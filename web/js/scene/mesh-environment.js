@@ -6,7 +6,7 @@ import { decode } from "../film/rgb9e5.js";
 /** Equirectangular radiance, three values a texel, rows from the top. @typedef {{width: number, height: number, texels: Float32Array}} Environment */
 
 /** Rows of the first level, which is not blurred, and the number of levels; the last one is of roughness 1. */
-const HEIGHT = 64;
+export const HEIGHT = 64;
 export const LEVELS = 5;
 /** Weight of a lobe's kernel below which a texel is left out. */
 const NEGLIGIBLE = 0.002;
@@ -26,7 +26,7 @@ const alongOf = (ways, i, axis) => (ways[4 * i] ?? 0) * axis[0] + (ways[4 * i + 
 const known = new Map();
 
 /** Returns the direction of each texel's middle, and the sine of its polar angle. @param {number} height of a table twice as wide */
-function directionsOf(height) {
+export function directionsOf(height) {
   const found = known.get(height) ?? new Float64Array(8 * height * height);
   if (known.has(height)) return found;
   known.set(height, found);

@@ -81,12 +81,13 @@ let latest = null;
 
 /**
  * @param {MeshPacket} mesh
+ * @param {string} chosen the light that replaces the mesh's, as JSON
  * @param {() => import("./mesh-environment.js").Environment | null} environment
  * @param {import("./mesh-environment.js").Surroundings} surroundings
  */
-export function tablesOf(mesh, environment, surroundings) {
+export function tablesOf(mesh, chosen, environment, surroundings) {
   const source = mesh.environment ?? mesh.isStudio; // the studio's light is the same for all meshes
-  const key = JSON.stringify(surroundings);
+  const key = chosen + JSON.stringify(surroundings);
   if (latest?.source !== source || latest.key !== key) latest = { source, key, tables: lightTables(environment(), surroundings) };
   return latest.tables;
 }

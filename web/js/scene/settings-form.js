@@ -192,13 +192,14 @@ function showFirstProblem(form) {
  * @returns {string} a sentence
  */
 function costOf({ width, height }, spp, frames, { seconds, noise }, range) {
-  const all = workers.value ?? [];
+  const all = workers.value ?? []; // they may not be loaded yet
   const slots = tn(
     all.reduce((sum, worker) => sum + worker.slots, 0),
     "{n} slot",
     "{n} slots",
   );
   const cost = t("{n} samples", { n: compact(width * height * spp * frames) });
+  if (!workers.value) return cost;
   if (!all.length) return t("{cost}. They wait for a worker.", { cost });
   if (seconds === null) return t("{cost} on {slots}. How long that takes is known once they have rendered something.", { cost, slots });
   const estimate = t("{cost}, {time} on {slots}", { cost, time: timeRange(...range(seconds)), slots });

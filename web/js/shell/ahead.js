@@ -1,6 +1,6 @@
 /**
- * Preloads the modules of the view that the address names, since every round trip counts on a slow line. A classic script in the
- * head, so that these modules load together with the page's own.
+ * Preloads the modules of the view that the address names, and the picture of its scene, since every round trip counts on a slow line.
+ * A classic script in the head, so that these load together with the page's own modules.
  */
 
 (() => {
@@ -49,7 +49,17 @@
     for (const href of hrefs) if (!asked.has(href)) await ask(href, "low");
   }
 
+  /** Loads the picture with which the page of a scene begins (outline in ../views/scene.js). @param {string} id of the scene */
+  async function fetchPicture(id) {
+    const answer = await fetch(`api/scenes/${id}`);
+    const { poster, thumbnail } = answer.ok ? await answer.json() : {};
+    const url = poster ?? (thumbnail && `api/scenes/${id}/thumbnail.png`);
+    if (url) new Image().src = url.replace(/^\//, "");
+  }
+
   fetchView(viewAt(location.hash));
+  const [, scene] = location.hash.match(/^#\/scenes\/([0-9a-f]+)$/) ?? [];
+  if (scene) fetchPicture(scene).catch(() => {}); // the page itself reports why the scene is not here
   // A link under the pointer or with focus is likely to be followed.
   for (const hint of ["pointerover", "focusin"])
     addEventListener(hint, ({ target }) => {

@@ -56,6 +56,7 @@ class ViewState(FromService):
     message: str | None = None  # why nothing new comes; None while pictures come
     denoised: bool = False  # whether the picture that is shown is denoised
     denoised_samples: float | None = None  # its samples per pixel, on average; 0: it is smaller than the view
+    denoises: bool = False  # whether denoised pictures of the view come
 
 
 @dataclass(frozen=True)

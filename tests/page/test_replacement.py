@@ -1,0 +1,94 @@
+"""Tests of what replaces what in the live view, and of the light that the page's preview mesh is given."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from renderer.scene.presets import preset_image
+from tests.page.node import Node
+
+USUAL = {
+    "isOutdated": False,
+    "isPoor": False,
+    "share": 1,
+    "isDenoised": True,
+    "isLast": False,
+    "isLatest": True,
+    "denoises": True,
+    "waited": 1000,
+}
+NEVER = None
+
+
+def first_replacing(node: Node, **facts: Any) -> float | None:
+    """Returns the fewest samples per pixel of a picture that replaces what is shown; None: no number does."""
+    body = "return a.counts.find((spp) => m.replaces({ ...a.facts, spp })) ?? null;"
+    counts = [0, 1, 2, 4, 8, 16, 64, 256]
+    found: float | None = node.call("scene/replacement", body, {"facts": {**USUAL, **facts}, "counts": counts})
+    return found
+
+
+@pytest.mark.parametrize(
+    ("shown", "denoised", "late", "noise_of_undenoised"),
+    [("nothing", 0, 0, 4), ("thumbnail", 0, 0, 4), ("clear", 16, 16, 8), ("mesh", 8, 4, 4), ("projected", 4, 4, 1)],
+)
+def test_picture_replaces_what_is_shown_once_it_looks_better(
+    node: Node, shown: str, denoised: int, late: int, noise_of_undenoised: int
+) -> None:
+    assert first_replacing(node, shown=shown) == denoised
+    assert first_replacing(node, shown=shown, waited=3001) == late, "after some seconds fewer samples do"
+    assert first_replacing(node, shown=shown, isDenoised=False, denoises=False) == noise_of_undenoised
+    assert first_replacing(node, shown=shown, isLast=True) == 0, "nothing better comes"
+
+
+@pytest.mark.parametrize("shown", ["thumbnail", "clear", "mesh", "projected"])
+def test_noise_never_replaces_a_picture_of_the_view_while_denoised_ones_come(node: Node, shown: str) -> None:
+    for more in ({}, {"waited": 1e9}, {"isLast": True}):
+        assert first_replacing(node, shown=shown, isDenoised=False, **more) is NEVER
+    assert first_replacing(node, shown=shown, isOutdated=True, isDenoised=False) is NEVER
+    assert first_replacing(node, shown=shown, isOutdated=True, isDenoised=False, waited=2001) == 0, "an old light is worse"
+    assert first_replacing(node, shown=shown, isOutdated=True) == 0, "a small picture shows the new light"
+
+
+@pytest.mark.parametrize("shown", ["clear", "mesh", "projected"])
+def test_picture_of_an_earlier_request_replaces_nothing(node: Node, shown: str) -> None:
+    """It has another camera or light: the mesh already shows the new ones."""
+    assert first_replacing(node, shown=shown, isLatest=False, isLast=True, waited=1e9) is NEVER
+
+
+def test_small_picture_replaces_nothing_sharp(node: Node) -> None:
+    for shown in ("clear", "mesh", "projected"):
+        assert first_replacing(node, shown=shown, share=0.5, waited=1e9) is NEVER
+    assert first_replacing(node, shown="projected", share=0.5, isPoor=True) == 0, "which shows little of the view"
+
+
+def test_projected_picture_stays_at_rest_only_where_it_is_sharp(node: Node) -> None:
+    cases = [[0, 0.5], [0.05, 0.9], [0.05, 0.8], [0.14, 1]]
+    assert node.call("scene/replacement", "return a.map((each) => m.staysSharp(...each));", cases) == [True, True, False, False]
+
+
+@pytest.mark.parametrize("name", ["studio", "dark-studio", "overcast", "even-white"])
+def test_presets_light_the_preview_mesh_as_they_light_the_scene(node: Node, name: str) -> None:
+    exact = preset_image(name)[..., 0].reshape(64, 4, 128, 4).mean((1, 3))
+    found = node.call("scene/chosen-light", "const l = m.presetLight(a); return [l.width, l.height, ...l.texels];", name)
+    assert found[:2] == [128, 64]
+    texels = np.reshape(found[2:], (64, 128, 3))
+    assert (texels == texels[..., :1]).all()
+    off = abs(texels[..., 0] - exact) / exact
+    assert np.quantile(off, 0.9) < 0.02, "but for the edges of softboxes"
+    assert texels[..., 0].mean() == pytest.approx(exact.mean(), rel=0.02)
+
+
+def test_chosen_light_is_turned_and_scaled_and_unknown_if_the_page_cannot_compute_it(node: Node) -> None:
+    body = """
+        const mesh = { environment: null, isStudio: true, lamps: [] };
+        return a.map((chosen) => [...(m.chosenLight(mesh, chosen)?.texels ?? [])]);"""
+    studio, turned, red, none = node.call(
+        "scene/chosen-light", body, [{}, {"rotation": 90, "strength": 2}, {"color": [1, 0, 0]}, {"sky": {"elevation": 30}}]
+    )
+    before, after = (np.reshape(each, (64, 128, 3)) for each in (studio, turned))
+    np.testing.assert_allclose(after, 2 * np.roll(before, -32, axis=1), rtol=1e-6)
+    assert (red, none) == ([1, 0, 0], [])
