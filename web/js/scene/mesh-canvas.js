@@ -8,7 +8,8 @@ import { studio, unpacked } from "./mesh-environment.js";
 import { lampsOf } from "./mesh-lamps.js";
 import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
-import { FLOOR_REACH, MeshShadows } from "./mesh-shadow.js";
+import { FLOOR_REACH } from "./mesh-shadow-places.js";
+import { MeshShadows } from "./mesh-shadow.js";
 import { SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
 import { aroundTexture, fillTexel, fillTexture, standInOf, tablesOf, texelTexture } from "./mesh-textures.js";
 
@@ -54,9 +55,8 @@ export class MeshCanvas {
     this.held = undefined;
     /** Fulfilled once the mesh waits no more. @type {Promise<void>} */
     this.ready = Promise.resolve();
-    /** The next frame in which shadows are computed; and whether the mesh has been drawn with those of a whole batch. */
+    /** The next frame in which shadows are computed. */
     this.refining = 0;
-    this.hasShadows = false;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** @type {Programs | null} */
     this.programs = this.gl && new Programs(this.gl);
@@ -102,7 +102,6 @@ export class MeshCanvas {
   setMesh(mesh) {
     const { gl } = this;
     this.mesh = mesh;
-    this.hasShadows = false;
     this.release();
     if (!gl || gl.isContextLost()) return; // the picture comes without a preview
     this.places = mesh.parts.map((part) => placeOf(mesh, part));
@@ -244,7 +243,6 @@ export class MeshCanvas {
     if (isSame) return;
     const reach = !kept && this.hasFloor ? FLOOR_REACH : 1;
     this.drawMesh(clipMatrix(view, aspect, mesh.low, mesh.high, reach), mesh, view, kept, { width, height });
-    this.hasShadows ||= Boolean(this.shadows?.gathered);
     if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
   }
 
@@ -253,13 +251,12 @@ export class MeshCanvas {
     return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && this.held === undefined && !this.shadows.isDone);
   }
 
-  /** Computes further shadows, and shows them: as they become better, or where drawing takes long, the first whole batch and the last one. */
+  /** Computes further shadows, and shows them once they are done. */
   refine() {
     this.refining = 0;
     const { shadows } = this;
     if (!shadows || !this.isRefining || this.gl?.isContextLost()) return;
-    const hasChanged = shadows.work();
-    if (!this.isRefining || (hasChanged && (shadows.isFast || !this.hasShadows))) this.draw();
+    if (shadows.work()) this.draw();
     if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
   }
 
@@ -325,7 +322,7 @@ export class MeshCanvas {
       const chosen = opaque.filter(({ isDense, material }) => dense === (isDense && isDefaultCurve && isPlain(material)));
       if (chosen.length && use(dense ? chosen : [...chosen, ...blended], PASS.opaque, dense)) for (const { part, material } of chosen) this.drawPart(part, material);
     }
-    if (shadows && this.hasFloor) this.drawFloor(shadows, toClip, eye, light, [...curves, ...(light.lamps.length ? /** @type {const} */ (["LAMPS"]) : [])]);
+    if (onPage && shadows && this.hasFloor) this.drawFloor(shadows, toClip, eye, onPage, light, [...curves, ...(light.lamps.length ? /** @type {const} */ (["LAMPS"]) : [])]);
     const hasBehind = onPage !== null && glass.length > 0;
     if (hasBehind) this.copyBehind(onPage, glass.some(({ material }) => material.roughness > BLURRED));
     if (onPage && !kept) {
@@ -430,16 +427,18 @@ export class MeshCanvas {
    * @param {MeshShadows} shadows
    * @param {Float32Array<ArrayBuffer>} toClip
    * @param {number[]} eye
+   * @param {{width: number, height: number}} size of the canvas
    * @param {{irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[]}} light
    * @param {import("./mesh-program.js").Feature[]} features
    */
-  drawFloor(shadows, toClip, eye, light, features) {
+  drawFloor(shadows, toClip, eye, size, light, features) {
     const { gl, programs, mesh } = this;
     const linked = programs?.with(FLOOR_VERTEX, FLOOR_FRAGMENT, ["SHADOWS", ...features]);
     if (!gl || !linked || !mesh) return;
     const { at } = (this.at = linked.at, linked);
     gl.useProgram(linked.program);
-    shadows.bindFloor(at);
+    shadows.placeFloor(at);
+    shadows.bind(at, size);
     gl.uniform1i(at("around"), UNITS.around);
     gl.uniformMatrix4fv(at("toClip"), false, toClip);
     gl.uniform4fv(at("eye"), eye);
