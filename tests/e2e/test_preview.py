@@ -141,7 +141,7 @@ def test_preview_shadow_falls_away_from_the_key_light(farm: Farm, watched: Watch
 
 @pytest.mark.long
 def test_first_shadow_of_a_preview_is_grey_and_without_steps(farm: Farm, watched: Watched) -> None:
-    """From the first frame on: no colour of the scene's other surfaces, no black at the contact, and no edges of single directions."""
+    """No colour of other surfaces, no black at the contact, and no edges of single directions."""
     page = watched.page
     page.goto(farm.url)
     red = "".join(f"{line} 0.8 0.02 0.02\n" if line.startswith("v") else f"{line}\n" for line in CUBE.splitlines())

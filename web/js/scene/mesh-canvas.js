@@ -6,6 +6,7 @@ import { KeptPicture, fromMiddle } from "./kept-picture.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
 import { studio, unpacked } from "./mesh-environment.js";
 import { lampsOf } from "./mesh-lamps.js";
+import { isMirror, mirrorTexture } from "./mesh-mirror.js";
 import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
 import { FLOOR_REACH } from "./mesh-shadow-places.js";
@@ -23,12 +24,14 @@ const MAX_RATIO = 2;
 /** Time, in milliseconds, that a mesh waits for its textures: what was drawn before stays meanwhile. */
 const HELD_MS = 400;
 /** Texture units of the mesh: the projected picture has 1 to 4 (kept-picture.js). */
-const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8 };
+const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8, mirrored: 9 };
 const ALPHA_MODES = { opaque: 0, mask: 1, blend: 2 };
 /** Corners from which a part is shaded at its vertices. */
 const DENSE = 300_000;
 /** Corners of a part that its middle is computed from. */
 const SAMPLED = 64;
+/** Mean cosine of the angles between a part's normals and the directions from its middle from which it is a ball. */
+const ROUND = 0.9;
 /** Roughness of glass from which what is behind it is blurred. */
 const BLURRED = 0.05;
 
@@ -71,13 +74,15 @@ export class MeshCanvas {
     this.light = null;
     /** What is drawn before glass. @type {WebGLTexture | null} */
     this.behind = null;
-    /** Middles of the parts, relative to the mesh's, their sizes, and whether they are shaded at the vertices. @type {{middle: Vec3, size: number, isDense: boolean}[]} */
+    /** The scene as its mirrors see it, and the exposure with which it was drawn; while it is drawn, its texture is null. @type {{texture: WebGLTexture | null, gain: number} | null} */
+    this.mirrored = null;
+    /** Middles of the parts, relative to the mesh's, their sizes, and whether they are shaded at the vertices. @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}[]} */
     this.places = [];
     this.resizing = new ResizeObserver(() => this.invalidate());
     this.resizing.observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
-      this.projector = this.light = this.behind = null; // they were lost too
+      this.projector = this.light = this.behind = this.mirrored = null; // they were lost too
       this.programs = this.gl && new Programs(this.gl);
       this.shadows = this.gl && this.programs && new MeshShadows(this.gl, this.programs);
       if (this.mesh) this.setMesh(this.mesh);
@@ -110,6 +115,7 @@ export class MeshCanvas {
     for (const each of this.textures) gl.deleteTexture(each);
     if (this.light) gl.deleteTexture(this.light.texture);
     this.light = null;
+    this.forgetMirrored();
     /** @param {number} target @param {any} data */
     const fill = (target, data) => {
       const buffer = gl.createBuffer();
@@ -140,6 +146,7 @@ export class MeshCanvas {
         if (arrived) fillTexture(gl, this.textures[number] ?? null, arrived, sampler, data.has(number));
         else fillTexel(gl, this.textures[number] ?? null);
         if (mesh.materials.some(({ alpha_mode: mode, texture }) => mode !== "opaque" && texture === number)) this.shadows?.renew();
+        this.forgetMirrored();
         this.canvas.dataset.textures = String(Number(this.canvas.dataset.textures ?? 0) + 1);
         this.invalidate();
       }),
@@ -273,6 +280,8 @@ export class MeshCanvas {
     const { gl, programs } = this;
     if (!gl || !programs) return;
     const light = this.prepareLight(mesh);
+    if (onPage && !kept) this.drawMirrored(mesh, view);
+    const mirrored = this.mirrored?.texture ?? null;
     const shadows = onPage && !kept && this.shadows?.isPossible ? this.shadows : null;
     const eye = view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
     const isDefaultCurve = this.look.curve === curveIndex(DEFAULT_CURVE);
@@ -289,6 +298,7 @@ export class MeshCanvas {
       const features = [...curves, ...featuresOf(of)];
       if (kept) features.push("KEPT");
       if (shadows) features.push("SHADOWS");
+      if (mirrored && of.some(({ material }) => isMirror(material))) features.push("MIRRORS");
       if (light.lamps.length) features.push("LAMPS");
       const linked = isDense ? programs.with(DENSE_VERTEX, DENSE_FRAGMENT, features) : programs.with(VERTEX, FRAGMENT, features);
       if (!linked) return false;
@@ -307,11 +317,15 @@ export class MeshCanvas {
       gl.uniform3fv(at("irradiance"), light.irradiance);
       this.setLamps(light.lamps, mesh);
       if (onPage) shadows?.bind(at, onPage);
+      if (mirrored) {
+        gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
+        gl.bindTexture(gl.TEXTURE_CUBE_MAP, mirrored);
+      }
       return true;
     };
     if (onPage) shadows?.follow(toClip, eye, onPage);
     if (onPage) gl.viewport(0, 0, onPage.width, onPage.height);
-    const parts = mesh.parts.map((part, i) => ({ part, .../** @type {{middle: Vec3, size: number, isDense: boolean}} */ (this.places[i]), material: /** @type {MeshMaterial} */ (mesh.materials[part.material]) }));
+    const parts = mesh.parts.map((part, i) => ({ part, .../** @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}} */ (this.places[i]), material: /** @type {MeshMaterial} */ (mesh.materials[part.material]) })).filter(({ material }) => !this.mirrored || mirrored || !isMirror(material));
     const glass = parts.filter(({ material }) => material.transmission > 0);
     const blended = parts.filter(({ material }) => material.transmission === 0 && material.alpha_mode === "blend");
     const away = (/** @type {Vec3} */ middle) => middle.reduce((sum, value, i) => sum + (eye[3] ? ((eye[i] ?? 0) - value) ** 2 : -(eye[i] ?? 0) * value), 0);
@@ -331,7 +345,8 @@ export class MeshCanvas {
     if (glass.length && use(glass, PASS.glass)) {
       gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);
       if (hasBehind) bind(gl, UNITS.behind, this.behind);
-      for (const { part, material, size } of farthestFirst(glass)) {
+      for (const { part, material, size, isBall } of farthestFirst(glass)) {
+        gl.uniform1i(this.at("isBall"), isBall ? 1 : 0);
         gl.uniform1f(this.at("depth"), material.thin ? 0 : size);
         this.drawPart(part, material);
       }
@@ -351,6 +366,25 @@ export class MeshCanvas {
       gl.disable(gl.BLEND);
     }
     gl.activeTexture(gl.TEXTURE0);
+  }
+
+  /** Draws what the mirrors show, unless it is drawn. @param {MeshPacket} mesh @param {View} view */
+  drawMirrored(mesh, view) {
+    const { gl, look } = this;
+    if (this.mirrored && this.mirrored.gain !== look.gain) this.forgetMirrored();
+    const has = (/** @type {boolean} */ wanted) => mesh.parts.some(({ material }) => isMirror(/** @type {MeshMaterial} */ (mesh.materials[material])) === wanted);
+    if (!gl || this.mirrored || !has(true) || !has(false)) return;
+    this.mirrored = { texture: null, gain: look.gain };
+    const radius = Math.hypot(...mesh.high.map((value, i) => value - (mesh.low[i] ?? 0))) / 2 || 1;
+    gl.enable(gl.DEPTH_TEST);
+    gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
+    const texture = mirrorTexture(gl, radius, (toClip) => this.drawMesh(toClip, mesh, view, null, null));
+    this.mirrored = { texture, gain: look.gain };
+  }
+
+  forgetMirrored() {
+    if (this.mirrored) this.gl?.deleteTexture(this.mirrored.texture);
+    this.mirrored = null;
   }
 
   /** @param {MeshPart} part @param {MeshMaterial} material */
@@ -506,10 +540,10 @@ function featuresOf(parts) {
 /** Returns whether a material is shaded by its vertices alone. @param {MeshMaterial} material */
 const isPlain = (material) => !material.unlit && material.coat === 0 && material.alpha_mode !== "blend" && Math.max(material.metallic_roughness_texture, material.emission_texture) < 0;
 
-/** @param {Vec3} vector @returns {Vec3} */
+/** @param {number[]} vector @returns {Vec3} */
 const unit = (vector) => /** @type {Vec3} */ (vector.map((value) => value / (Math.hypot(...vector) || 1)));
 
-/** Returns a part's approximate centre, relative to the mesh's, its longest extent, and whether it is shaded at its vertices: it has more than DENSE corners, and normals. @param {MeshPacket} mesh @param {MeshPart} part @returns {{middle: Vec3, size: number, isDense: boolean}} */
+/** Returns a part's approximate centre, relative to the mesh's, its longest extent, whether it is shaded at its vertices: it has more than DENSE corners, and normals; and whether it is a ball. @param {MeshPacket} mesh @param {MeshPart} part @returns {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}} */
 function placeOf({ positions, normals, indices, low, high }, { first, corners }) {
   const step = Math.max(1, Math.floor(corners / SAMPLED));
   const sum = [0, 0, 0];
@@ -529,5 +563,11 @@ function placeOf({ positions, normals, indices, low, high }, { first, corners })
   }
   const scale = (/** @type {number} */ axis) => ((high[axis] ?? 0) - (low[axis] ?? 0)) / 65535;
   const middle = /** @type {Vec3} */ (sum.map((value, axis) => (value / sampled - 32767.5) * scale(axis)));
-  return { middle, isDense, size: Math.max(...most.map((value, axis) => (value - (least[axis] ?? 0)) * scale(axis))) };
+  let facing = 0;
+  for (let i = first; i < first + corners; i += step) {
+    const vertex = indices[i] ?? 0;
+    const out = unit([0, 1, 2].map((axis) => ((positions[4 * vertex + axis] ?? 0) - (sum[axis] ?? 0) / sampled) * scale(axis)));
+    facing += out.reduce((all, value, axis) => all + (value * (normals[4 * vertex + axis] ?? 0)) / 127, 0) / sampled;
+  }
+  return { middle, isDense, isBall: facing > ROUND, size: Math.max(...most.map((value, axis) => (value - (least[axis] ?? 0)) * scale(axis))) };
 }

@@ -82,6 +82,27 @@ ${AROUND_GLSL}
 vec3 srgbDecode(vec3 c) {
   return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), greaterThan(c, vec3(0.04045)));
 }
+uniform float gain; // 2^exposure
+// Inverts what the default curve does to values that it does not compress.
+vec3 undisplayed(vec3 c) {
+  c = srgbDecode(c);
+  float least = min(c.r, min(c.g, c.b));
+  return (c + (least < 0.04 ? sqrt(least / 6.25) - least : 0.04)) / gain;
+}
+#ifdef MIRRORS
+uniform samplerCube mirrored; // the scene from its middle, without what reflects it, multiplied by its alpha
+#endif
+// Radiance along a ray: of the scene, if it is seen there, placed at the sides of its bounds; or else of what is around.
+vec3 seenAlong(vec3 place, vec3 way, float rough) {
+  vec3 light = reflected(way, rough);
+#ifdef MIRRORS
+  vec3 safe = mix(way, vec3(1e-6), lessThan(abs(way), vec3(1e-6)));
+  vec3 ends = (0.5 * extent * sign(safe) - place) / safe;
+  vec4 known = textureLod(mirrored, place + max(min(ends.x, min(ends.y, ends.z)), 0.0) * way, 7.0 * sqrt(rough));
+  if (known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
+#endif
+  return light;
+}
 // Specular albedo of a rough surface in even light. Source: Karis 2014, "Physically based shading on mobile".
 vec2 environmentBrdf(float nv, float rough) {
   vec4 r = rough * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
@@ -129,7 +150,8 @@ void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, vec
   diffuse = max(whole - missed * dot(whole, vec3(0.2126, 0.7152, 0.0722)), 0.0);
   glossy = vec3(0.0);
   if (max(albedo.r, max(albedo.g, albedo.b)) > 0.0) {
-    vec3 light = reflected(mirror, rough);
+    // The cube shows a surface of little reflectance itself.
+    vec3 light = max(reflectance.r, max(reflectance.g, reflectance.b)) > 0.15 ? seenAlong(place, mirror, rough) : reflected(mirror, rough);
 #ifdef SHADOWS
     // The floor's map lacks what hides the floor, such as a thick plate below a metal: without a bound, its lower half would be black.
     if (max(reflectance.r, max(reflectance.g, reflectance.b)) > 0.1 && dot(mirror, floorPlane.xyz) < 0.0) light = max(light - missedFrom(place, mirror, rough) * smoothstep(0.0, 0.2, -dot(mirror, floorPlane.xyz)), LEAST_REFLECTED * light);
@@ -172,7 +194,6 @@ void main() {
 export const DENSE_VERTEX = `#version 300 es
 precision highp float;
 precision highp sampler2D;
-uniform float gain;
 uniform vec3 emission;
 uniform bool isWhole; // no texture and no picture is to be added
 ${LIGHT_GLSL}
@@ -205,7 +226,6 @@ ${KEPT_GLSL}
 
 /** What both fragment shaders write. */
 const WRITE_GLSL = `
-uniform float gain; // 2^exposure
 uniform int curve;
 uniform int pass;
 uniform sampler2D image;
@@ -236,6 +256,7 @@ void write(vec3 color, float opacity, vec3 flatly) {
 
 export const DENSE_FRAGMENT = `#version 300 es
 precision highp float;
+uniform float gain;
 uniform vec4 eye;
 uniform float metallic;
 uniform bool isWhole;
@@ -267,6 +288,7 @@ uniform bool hasBehind;
 uniform float transmission;
 uniform float ior;
 uniform bool thin;
+uniform bool isBall;
 uniform float depth; // how far behind glass is what is seen through it
 #endif
 #ifdef COAT
@@ -278,12 +300,6 @@ ${KEPT}
 ${WRITE_GLSL}
 in vec3 facing;
 #ifdef GLASS
-// Inverts what the default curve does to values that it does not compress.
-vec3 undisplayed(vec3 c) {
-  c = srgbDecode(c);
-  float least = min(c.r, min(c.g, c.b));
-  return (c + (least < 0.04 ? sqrt(least / 6.25) - least : 0.04)) / gain;
-}
 vec3 transmitted(vec3 n, vec3 v, float rough) {
   vec3 way = -v;
   if (!thin) { // through a ball: in and out again
@@ -292,7 +308,10 @@ vec3 transmitted(vec3 n, vec3 v, float rough) {
     way = refract(inside, -end, ior);
     if (dot(way, way) < 0.5) way = inside;
   }
-  vec3 light = reflected(way, rough);
+  vec3 light = seenAlong(place, way, rough);
+#ifdef MIRRORS
+  if (isBall && !thin) return light; // it shows what is behind upside down
+#endif
   if (!hasBehind) return light;
   vec4 at = toClip * vec4(place + depth * way, 1.0);
   vec2 uv = 0.5 + 0.5 * at.xy / at.w;
@@ -365,11 +384,11 @@ void main() {
 export const FLOOR_FRAGMENT = `#version 300 es
 precision highp float;
 precision highp sampler2D;
-uniform float gain;
 uniform int curve;
 #ifdef LAMPS
 ${LIGHT_GLSL}
 #else
+uniform float gain;
 ${SHADOWS_GLSL}
 #endif
 ${TONEMAP_GLSL}
