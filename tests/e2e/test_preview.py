@@ -153,3 +153,34 @@ def test_first_shadow_of_a_preview_is_grey_and_without_steps(farm: Farm, watched
         assert colors.min() > 60, "never black"
         assert np.abs(np.diff(colors[:, 1])).max() <= 9, "without steps"
     assert watched.errors == []
+
+
+# Draws a metal floor before a red wall, and returns the colour of the floor's middle, 0 ... 255.
+DRAW_MIRROR = """async ([obj, mtl]) => {
+  const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");
+  const { meshOf } = await import("/js/mesh/upload.js");
+  const files = [["mirror.obj", obj], ["mirror.mtl", mtl]].map(([path, text]) => ({ path, file: new File([text], path) }));
+  const { packet } = await meshOf({ files, formats: [".obj"] });
+  const canvas = document.createElement("canvas");
+  canvas.style.cssText = "position: fixed; top: 0; left: 0; width: 200px; height: 200px";
+  document.body.append(canvas);
+  const mesh = new MeshCanvas(canvas);
+  mesh.setMesh({ ...packet, textures: [] });
+  mesh.setView({ eye: [0, 1, 4], target: [0, 0, 0], up: [0, 1, 0], fov: 40 });
+  mesh.draw();
+  const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d");
+  copy.drawImage(canvas, 0, 0);
+  return [...copy.getImageData(canvas.width / 2, canvas.height / 2, 1, 1).data.slice(0, 3)];
+}"""
+MIRROR = "mtllib mirror.mtl\nv -3 0 -3\nv 3 0 -3\nv 3 0 3\nv -3 0 3\nv -3 2 -3\nv 3 2 -3\n"
+MIRROR += "usemtl metal\nf 4 3 2 1\nusemtl wall\nf 1 2 6 5\n"
+
+
+@pytest.mark.long
+def test_metal_of_a_preview_shows_the_other_surfaces(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    page.goto(farm.url)
+    materials = "newmtl metal\nKd 0.9 0.9 0.9\nPm 1\nPr 0\nnewmtl wall\nKd 0.8 0.02 0.02\n"
+    red, green, _ = page.evaluate(DRAW_MIRROR, [MIRROR, materials])
+    assert red > 2 * green + 20
+    assert watched.errors == []

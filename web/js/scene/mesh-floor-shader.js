@@ -22,13 +22,10 @@ vec3 lackingAt(vec2 uv, float level) {
   vec4 missed = textureLod(floorMissed, uv, level);
   return edge.x * edge.y * missed.rgb / max(missed.a, 1e-9) * dot(floorRadiance, LUMINANCE);
 }
-// Radiance that the floor lacks, where it is known to lack some. The farther the thing is that shadows it, the more directions must blend.
-vec3 floorShadow(vec3 place, vec3 known) {
-  vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
+// Width in texels that the floor's shadow is blurred to: the farther the thing is that casts it, the more directions must blend. Negative: there is no shadow.
+float floorBlur(vec2 uv) {
   vec2 away = textureLod(floorAway, uv, 3.0).rg;
-  if (away.y <= 0.0) return known;
-  float wide = floorSpread * BLUR * away.x / away.y * length(floorX) * FLOOR_TEXELS; // in texels
-  return mix(known, lackingAt(uv, log2(1.0 + wide)), smoothstep(0.0, 2.0, wide));
+  return away.y > 0.0 ? floorSpread * BLUR * away.x / away.y * length(floorX) * FLOOR_TEXELS : -1.0;
 }
 // Radiance that the floor lacks along a ray that goes downward, spread by roughness.
 vec3 missedFrom(vec3 place, vec3 way, float spread) {

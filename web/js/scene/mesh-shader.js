@@ -394,14 +394,24 @@ ${SHADOWS_GLSL}
 ${TONEMAP_GLSL}
 in vec3 place;
 out vec4 pixel;
+const float NARROW = 2.0; // texels of the floor's map, up to which shadows are sharper than it
 void main() {
-  vec3 missed;
-  vec4 open;
-  shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, fwidth(gl_FragCoord.z), floorPlane.xyz, missed, open);
-  vec3 color = max(floorRadiance - floorShadow(place, missed * dot(floorRadiance, LUMINANCE)), 0.0);
+  vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
+  float wide = floorBlur(uv);
+  float slack = fwidth(gl_FragCoord.z);
+  vec3 missed = vec3(0.0);
+  vec4 open = vec4(1.0);
+#ifdef LAMPS
+  bool isNear = true;
+#else
+  bool isNear = wide >= 0.0 && wide < NARROW; // most of the floor has no shadow, or a wide one
+#endif
+  if (isNear) shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, floorPlane.xyz, missed, open);
+  missed *= dot(floorRadiance, LUMINANCE);
+  if (wide >= 0.0) missed = mix(missed, lackingAt(uv, log2(1.0 + wide)), smoothstep(0.0, NARROW, wide));
+  vec3 color = max(floorRadiance - missed, 0.0);
   float shown = 1.0;
 #ifdef LAMPS
-  vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
   vec3 diffuse = vec3(0.0), glossy = vec3(0.0);
   addLamps(place, floorPlane.xyz, normalize(eye.xyz - eye.w * place), 1.0, vec3(0.0), vec3(0.0), open, diffuse, glossy);
   color += floorAlbedo * diffuse;

@@ -65,8 +65,8 @@ export class MeshShadows {
     this.maps = null;
     /** What the floor's map misses, and how far what shadows it is. @type {[WebGLTexture, WebGLTexture] | null} */
     this.floor = null;
-    /** Directions that the floor's map, and the camera's coarse and fine shadows have. */
-    this.onFloor = this.coarse = this.fine = 0;
+    /** Directions that the floor's map, and the camera's fine shadows have. */
+    this.onFloor = this.fine = 0;
     this.tilesAtOnce = FEWEST_TILES;
     /** @type {Float32Array<ArrayBuffer> | null} */
     this.toClip = null;
@@ -101,7 +101,7 @@ export class MeshShadows {
       const received = irradianceAt(tables.irradiance, /** @type {Vec3} */ (way.map((value) => -value)));
       return received.map((value) => OPEN * weight * value * albedo);
     });
-    this.onFloor = this.coarse = this.fine = 0;
+    this.onFloor = this.fine = 0;
     if (!this.floor) {
       const target = (/** @type {number} */ format) => colorTarget(gl, FLOOR_TEXELS, FLOOR_TEXELS, format, Math.floor(Math.log2(FLOOR_TEXELS)) + 1);
       gl.activeTexture(gl.TEXTURE0 + UNITS.floorMissed);
@@ -147,7 +147,7 @@ export class MeshShadows {
     this.drawSeen(eye);
     this.drawFirst();
     this.gatherLamps();
-    this.gatherAll();
+    this.gatherFirst();
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
@@ -234,13 +234,12 @@ export class MeshShadows {
     this.mipmap();
   }
 
-  /** Gathers all directions that are drawn for the camera, coarsely. */
-  gatherAll() {
+  /** Gathers the first directions for the camera, coarsely: in each frame while it turns. */
+  gatherFirst() {
     const { maps, seen } = this;
     if (!maps || !seen) return;
     this.clear(seen.coarse, 0);
-    for (let first = 0; first < maps.drawn; first += TOGETHER) this.gather(seen.coarse, first, COARSE);
-    this.coarse = maps.drawn;
+    for (let first = 0; first < Math.min(maps.drawn, FIRST_TILES); first += TOGETHER) this.gather(seen.coarse, first, COARSE);
     this.smooth(seen.coarse, COARSE);
   }
 
