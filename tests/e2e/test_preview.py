@@ -89,7 +89,7 @@ def test_file_that_needs_blender_says_what_to_do(farm: Farm, watched: Watched) -
 
 
 # Draws a cube on the studio's floor, once or until its shadows are done.
-# Returns the brightness of some points of the floor, 0 ... 255.
+# Returns the colours of some points of the floor, 0 ... 255.
 DRAW_CUBE = """async ([obj, points, isRefined]) => {
   const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");
   const { clipMatrix } = await import("/js/scene/mesh-camera.js");
@@ -97,7 +97,7 @@ DRAW_CUBE = """async ([obj, points, isRefined]) => {
   const { packet } = await meshOf({ files: [{ path: "cube.obj", file: new File([obj], "cube.obj") }], formats: [".obj"] });
   const view = { eye: [0, 14, 0], target: [0, 0, 0], up: [0, 0, -1], fov: 40 };
   const canvas = document.createElement("canvas");
-  canvas.style.cssText = "position: fixed; top: 0; left: 0; width: 200px; height: 200px";
+  canvas.style.cssText = "position: fixed; top: 0; left: 0; width: 400px; height: 400px";
   document.body.append(canvas);
   const mesh = new MeshCanvas(canvas);
   mesh.floor = true;
@@ -116,8 +116,8 @@ DRAW_CUBE = """async ([obj, points, isRefined]) => {
   return points.map((point) => {
     const along = (row) => [0, 1, 2].reduce((sum, i) => sum + toClip[4 * i + row] * (point[i] - middle[i]), toClip[12 + row]);
     const [x, y] = [0.5 + along(0) / along(3) / 2, 0.5 - along(1) / along(3) / 2];
-    return copy.getImageData(Math.floor(x * canvas.width), Math.floor(y * canvas.height), 1, 1).data[1];
-  });
+    return copy.getImageData(Math.floor(x * canvas.width), Math.floor(y * canvas.height), 1, 1).data.slice(0, 3).join(" ");
+  }).map((color) => color.split(" ").map(Number));
 }"""
 CUBE = "".join(f"v {x} {y} {z}\n" for x in (-1, 1) for y in (0, 2) for z in (-1, 1))
 CUBE += "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n"
@@ -129,11 +129,58 @@ def test_preview_shadow_falls_away_from_the_key_light(farm: Farm, watched: Watch
     page = watched.page
     page.goto(farm.url)
     towards, away, far = [-1.5, 0, 1.4], [1.5, 0, -1.4], [-3.6, 0, 3.6]
-    lit, shadowed, open_floor = page.evaluate(DRAW_CUBE, [CUBE, [towards, away, far], False])
+    lit, shadowed, open_floor = (color[1] for color in page.evaluate(DRAW_CUBE, [CUBE, [towards, away, far], False]))
     assert shadowed < lit - 12
     assert open_floor == pytest.approx(181, abs=8)
-    lit, shadowed, open_floor = page.evaluate(DRAW_CUBE, [CUBE, [towards, away, far], True])
+    lit, shadowed, open_floor = (color[1] for color in page.evaluate(DRAW_CUBE, [CUBE, [towards, away, far], True]))
     assert shadowed < lit - 12
     assert lit <= open_floor
     assert open_floor == pytest.approx(181, abs=5), "as the path tracer's"
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_first_shadow_of_a_preview_is_grey_and_without_steps(farm: Farm, watched: Watched) -> None:
+    """No colour of other surfaces, no black at the contact, and no edges of single directions."""
+    page = watched.page
+    page.goto(farm.url)
+    red = "".join(f"{line} 0.8 0.02 0.02\n" if line.startswith("v") else f"{line}\n" for line in CUBE.splitlines())
+    line = [[1.25 + 0.05 * i, 0, -1.25 - 0.05 * i] for i in range(40)]
+    across = [[1.35 + 0.02 * i, 0, 1 - 0.05 * i] for i in range(40)]
+    for points in (line, across):
+        colors = np.array(page.evaluate(DRAW_CUBE, [red, points, False]), dtype=int)
+        assert np.ptp(colors, axis=1).max() <= 3, "grey"
+        assert colors.min() > 60, "never black"
+        assert np.abs(np.diff(colors[:, 1])).max() <= 9, "without steps"
+    assert watched.errors == []
+
+
+# Draws a metal floor before a red wall, and returns the colour of the floor's middle, 0 ... 255.
+DRAW_MIRROR = """async ([obj, mtl]) => {
+  const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");
+  const { meshOf } = await import("/js/mesh/upload.js");
+  const files = [["mirror.obj", obj], ["mirror.mtl", mtl]].map(([path, text]) => ({ path, file: new File([text], path) }));
+  const { packet } = await meshOf({ files, formats: [".obj"] });
+  const canvas = document.createElement("canvas");
+  canvas.style.cssText = "position: fixed; top: 0; left: 0; width: 200px; height: 200px";
+  document.body.append(canvas);
+  const mesh = new MeshCanvas(canvas);
+  mesh.setMesh({ ...packet, textures: [] });
+  mesh.setView({ eye: [0, 1, 4], target: [0, 0, 0], up: [0, 1, 0], fov: 40 });
+  mesh.draw();
+  const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d");
+  copy.drawImage(canvas, 0, 0);
+  return [...copy.getImageData(canvas.width / 2, canvas.height / 2, 1, 1).data.slice(0, 3)];
+}"""
+MIRROR = "mtllib mirror.mtl\nv -3 0 -3\nv 3 0 -3\nv 3 0 3\nv -3 0 3\nv -3 2 -3\nv 3 2 -3\n"
+MIRROR += "usemtl metal\nf 4 3 2 1\nusemtl wall\nf 1 2 6 5\n"
+
+
+@pytest.mark.long
+def test_metal_of_a_preview_shows_the_other_surfaces(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    page.goto(farm.url)
+    materials = "newmtl metal\nKd 0.9 0.9 0.9\nPm 1\nPr 0\nnewmtl wall\nKd 0.8 0.02 0.02\n"
+    red, green, _ = page.evaluate(DRAW_MIRROR, [MIRROR, materials])
+    assert red > 2 * green + 20
     assert watched.errors == []

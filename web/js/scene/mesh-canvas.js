@@ -6,9 +6,11 @@ import { KeptPicture, fromMiddle } from "./kept-picture.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
 import { chosenLight } from "./chosen-light.js";
 import { lampsOf } from "./mesh-lamps.js";
+import { isMirror, mirrorTexture } from "./mesh-mirror.js";
 import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
-import { FLOOR_REACH, MeshShadows } from "./mesh-shadow.js";
+import { FLOOR_REACH } from "./mesh-shadow-places.js";
+import { MeshShadows } from "./mesh-shadow.js";
 import { SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
 import { aroundTexture, fillTexel, fillTexture, standInOf, tablesOf, texelTexture } from "./mesh-textures.js";
 
@@ -22,12 +24,14 @@ const MAX_RATIO = 2;
 /** Time, in milliseconds, that a mesh waits for its textures: what was drawn before stays meanwhile. */
 const HELD_MS = 400;
 /** Texture units of the mesh: the projected picture has 1 to 4 (kept-picture.js). */
-const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8 };
+const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8, mirrored: 9 };
 const ALPHA_MODES = { opaque: 0, mask: 1, blend: 2 };
 /** Corners from which a part is shaded at its vertices. */
 const DENSE = 300_000;
 /** Corners of a part that its middle is computed from. */
 const SAMPLED = 64;
+/** Mean cosine of the angles between a part's normals and the directions from its middle from which it is a ball. */
+const ROUND = 0.9;
 /** Roughness of glass from which what is behind it is blurred. */
 const BLURRED = 0.05;
 
@@ -54,9 +58,8 @@ export class MeshCanvas {
     this.held = undefined;
     /** Fulfilled once the mesh waits no more. @type {Promise<void>} */
     this.ready = Promise.resolve();
-    /** The next frame in which shadows are computed; and whether the mesh has been drawn with those of a whole batch. */
+    /** The next frame in which shadows are computed. */
     this.refining = 0;
-    this.hasShadows = false;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** @type {Programs | null} */
     this.programs = this.gl && new Programs(this.gl);
@@ -73,13 +76,15 @@ export class MeshCanvas {
     this.chosen = {};
     /** What is drawn before glass. @type {WebGLTexture | null} */
     this.behind = null;
-    /** Middles of the parts, relative to the mesh's, their sizes, and whether they are shaded at the vertices. @type {{middle: Vec3, size: number, isDense: boolean}[]} */
+    /** The scene as its mirrors see it, and the exposure with which it was drawn; while it is drawn, its texture is null. @type {{texture: WebGLTexture | null, gain: number} | null} */
+    this.mirrored = null;
+    /** Middles of the parts, relative to the mesh's, their sizes, and whether they are shaded at the vertices. @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}[]} */
     this.places = [];
     this.resizing = new ResizeObserver(() => this.invalidate());
     this.resizing.observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
-      this.projector = this.light = this.behind = null; // they were lost too
+      this.projector = this.light = this.behind = this.mirrored = null; // they were lost too
       this.programs = this.gl && new Programs(this.gl);
       this.shadows = this.gl && this.programs && new MeshShadows(this.gl, this.programs);
       if (this.mesh) this.setMesh(this.mesh);
@@ -104,7 +109,6 @@ export class MeshCanvas {
   setMesh(mesh) {
     const { gl } = this;
     this.mesh = mesh;
-    this.hasShadows = false;
     this.release();
     if (!gl || gl.isContextLost()) return; // the picture comes without a preview
     this.places = mesh.parts.map((part) => placeOf(mesh, part));
@@ -113,6 +117,7 @@ export class MeshCanvas {
     for (const each of this.textures) gl.deleteTexture(each);
     if (this.light) gl.deleteTexture(this.light.texture);
     this.light = null;
+    this.forgetMirrored();
     /** @param {number} target @param {any} data */
     const fill = (target, data) => {
       const buffer = gl.createBuffer();
@@ -143,6 +148,7 @@ export class MeshCanvas {
         if (arrived) fillTexture(gl, this.textures[number] ?? null, arrived, sampler, data.has(number));
         else fillTexel(gl, this.textures[number] ?? null);
         if (mesh.materials.some(({ alpha_mode: mode, texture }) => mode !== "opaque" && texture === number)) this.shadows?.renew();
+        this.forgetMirrored();
         this.canvas.dataset.textures = String(Number(this.canvas.dataset.textures ?? 0) + 1);
         this.invalidate();
       }),
@@ -258,7 +264,6 @@ export class MeshCanvas {
     if (isSame) return;
     const reach = !kept && this.hasFloor ? FLOOR_REACH : 1;
     this.drawMesh(clipMatrix(view, aspect, mesh.low, mesh.high, reach), mesh, view, kept, { width, height });
-    this.hasShadows ||= Boolean(this.shadows?.gathered);
     if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
   }
 
@@ -267,13 +272,12 @@ export class MeshCanvas {
     return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && this.held === undefined && !this.shadows.isDone);
   }
 
-  /** Computes further shadows, and shows them: as they become better, or where drawing takes long, the first whole batch and the last one. */
+  /** Computes further shadows, and shows them once they are done. */
   refine() {
     this.refining = 0;
     const { shadows } = this;
     if (!shadows || !this.isRefining || this.gl?.isContextLost()) return;
-    const hasChanged = shadows.work();
-    if (!this.isRefining || (hasChanged && (shadows.isFast || !this.hasShadows))) this.draw();
+    if (shadows.work()) this.draw();
     if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
   }
 
@@ -290,6 +294,8 @@ export class MeshCanvas {
     const { gl, programs } = this;
     if (!gl || !programs) return;
     const light = this.prepareLight(mesh);
+    if (onPage && !kept) this.drawMirrored(mesh, view);
+    const mirrored = this.mirrored?.texture ?? null;
     const shadows = onPage && !kept && this.shadows?.isPossible ? this.shadows : null;
     const eye = view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
     const isDefaultCurve = this.look.curve === curveIndex(DEFAULT_CURVE);
@@ -306,6 +312,7 @@ export class MeshCanvas {
       const features = [...curves, ...featuresOf(of)];
       if (kept) features.push("KEPT");
       if (shadows) features.push("SHADOWS");
+      if (mirrored && of.some(({ material }) => isMirror(material))) features.push("MIRRORS");
       if (light.lamps.length) features.push("LAMPS");
       const linked = isDense ? programs.with(DENSE_VERTEX, DENSE_FRAGMENT, features) : programs.with(VERTEX, FRAGMENT, features);
       if (!linked) return false;
@@ -324,11 +331,15 @@ export class MeshCanvas {
       gl.uniform3fv(at("irradiance"), light.irradiance);
       this.setLamps(light.lamps, mesh);
       if (onPage) shadows?.bind(at, onPage);
+      if (mirrored) {
+        gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
+        gl.bindTexture(gl.TEXTURE_CUBE_MAP, mirrored);
+      }
       return true;
     };
     if (onPage) shadows?.follow(toClip, eye, onPage);
     if (onPage) gl.viewport(0, 0, onPage.width, onPage.height);
-    const parts = mesh.parts.map((part, i) => ({ part, .../** @type {{middle: Vec3, size: number, isDense: boolean}} */ (this.places[i]), material: /** @type {MeshMaterial} */ (mesh.materials[part.material]) }));
+    const parts = mesh.parts.map((part, i) => ({ part, .../** @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}} */ (this.places[i]), material: /** @type {MeshMaterial} */ (mesh.materials[part.material]) })).filter(({ material }) => !this.mirrored || mirrored || !isMirror(material));
     const glass = parts.filter(({ material }) => material.transmission > 0);
     const blended = parts.filter(({ material }) => material.transmission === 0 && material.alpha_mode === "blend");
     const away = (/** @type {Vec3} */ middle) => middle.reduce((sum, value, i) => sum + (eye[3] ? ((eye[i] ?? 0) - value) ** 2 : -(eye[i] ?? 0) * value), 0);
@@ -339,7 +350,7 @@ export class MeshCanvas {
       const chosen = opaque.filter(({ isDense, material }) => dense === (isDense && isDefaultCurve && isPlain(material)));
       if (chosen.length && use(dense ? chosen : [...chosen, ...blended], PASS.opaque, dense)) for (const { part, material } of chosen) this.drawPart(part, material);
     }
-    if (shadows && this.hasFloor) this.drawFloor(shadows, toClip, eye, light, [...curves, ...(light.lamps.length ? /** @type {const} */ (["LAMPS"]) : [])]);
+    if (onPage && shadows && this.hasFloor) this.drawFloor(shadows, toClip, eye, onPage, light, [...curves, ...(light.lamps.length ? /** @type {const} */ (["LAMPS"]) : [])]);
     const hasBehind = onPage !== null && glass.length > 0;
     if (hasBehind) this.copyBehind(onPage, glass.some(({ material }) => material.roughness > BLURRED));
     if (onPage && !kept) {
@@ -348,7 +359,8 @@ export class MeshCanvas {
     if (glass.length && use(glass, PASS.glass)) {
       gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);
       if (hasBehind) bind(gl, UNITS.behind, this.behind);
-      for (const { part, material, size } of farthestFirst(glass)) {
+      for (const { part, material, size, isBall } of farthestFirst(glass)) {
+        gl.uniform1i(this.at("isBall"), isBall ? 1 : 0);
         gl.uniform1f(this.at("depth"), material.thin ? 0 : size);
         this.drawPart(part, material);
       }
@@ -368,6 +380,25 @@ export class MeshCanvas {
       gl.disable(gl.BLEND);
     }
     gl.activeTexture(gl.TEXTURE0);
+  }
+
+  /** Draws what the mirrors show, unless it is drawn. @param {MeshPacket} mesh @param {View} view */
+  drawMirrored(mesh, view) {
+    const { gl, look } = this;
+    if (this.mirrored && this.mirrored.gain !== look.gain) this.forgetMirrored();
+    const has = (/** @type {boolean} */ wanted) => mesh.parts.some(({ material }) => isMirror(/** @type {MeshMaterial} */ (mesh.materials[material])) === wanted);
+    if (!gl || this.mirrored || !has(true) || !has(false)) return;
+    this.mirrored = { texture: null, gain: look.gain };
+    const radius = Math.hypot(...mesh.high.map((value, i) => value - (mesh.low[i] ?? 0))) / 2 || 1;
+    gl.enable(gl.DEPTH_TEST);
+    gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
+    const texture = mirrorTexture(gl, radius, (toClip) => this.drawMesh(toClip, mesh, view, null, null));
+    this.mirrored = { texture, gain: look.gain };
+  }
+
+  forgetMirrored() {
+    if (this.mirrored) this.gl?.deleteTexture(this.mirrored.texture);
+    this.mirrored = null;
   }
 
   /** @param {MeshPart} part @param {MeshMaterial} material */
@@ -444,16 +475,18 @@ export class MeshCanvas {
    * @param {MeshShadows} shadows
    * @param {Float32Array<ArrayBuffer>} toClip
    * @param {number[]} eye
+   * @param {{width: number, height: number}} size of the canvas
    * @param {{irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[]}} light
    * @param {import("./mesh-program.js").Feature[]} features
    */
-  drawFloor(shadows, toClip, eye, light, features) {
+  drawFloor(shadows, toClip, eye, size, light, features) {
     const { gl, programs, mesh } = this;
     const linked = programs?.with(FLOOR_VERTEX, FLOOR_FRAGMENT, ["SHADOWS", ...features]);
     if (!gl || !linked || !mesh) return;
     const { at } = (this.at = linked.at, linked);
     gl.useProgram(linked.program);
-    shadows.bindFloor(at);
+    shadows.placeFloor(at);
+    shadows.bind(at, size);
     gl.uniform1i(at("around"), UNITS.around);
     gl.uniformMatrix4fv(at("toClip"), false, toClip);
     gl.uniform4fv(at("eye"), eye);
@@ -521,10 +554,10 @@ function featuresOf(parts) {
 /** Returns whether a material is shaded by its vertices alone. @param {MeshMaterial} material */
 const isPlain = (material) => !material.unlit && material.coat === 0 && material.alpha_mode !== "blend" && Math.max(material.metallic_roughness_texture, material.emission_texture) < 0;
 
-/** @param {Vec3} vector @returns {Vec3} */
+/** @param {number[]} vector @returns {Vec3} */
 const unit = (vector) => /** @type {Vec3} */ (vector.map((value) => value / (Math.hypot(...vector) || 1)));
 
-/** Returns a part's approximate centre, relative to the mesh's, its longest extent, and whether it is shaded at its vertices: it has more than DENSE corners, and normals. @param {MeshPacket} mesh @param {MeshPart} part @returns {{middle: Vec3, size: number, isDense: boolean}} */
+/** Returns a part's approximate centre, relative to the mesh's, its longest extent, whether it is shaded at its vertices: it has more than DENSE corners, and normals; and whether it is a ball. @param {MeshPacket} mesh @param {MeshPart} part @returns {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}} */
 function placeOf({ positions, normals, indices, low, high }, { first, corners }) {
   const step = Math.max(1, Math.floor(corners / SAMPLED));
   const sum = [0, 0, 0];
@@ -544,5 +577,11 @@ function placeOf({ positions, normals, indices, low, high }, { first, corners })
   }
   const scale = (/** @type {number} */ axis) => ((high[axis] ?? 0) - (low[axis] ?? 0)) / 65535;
   const middle = /** @type {Vec3} */ (sum.map((value, axis) => (value / sampled - 32767.5) * scale(axis)));
-  return { middle, isDense, size: Math.max(...most.map((value, axis) => (value - (least[axis] ?? 0)) * scale(axis))) };
+  let facing = 0;
+  for (let i = first; i < first + corners; i += step) {
+    const vertex = indices[i] ?? 0;
+    const out = unit([0, 1, 2].map((axis) => ((positions[4 * vertex + axis] ?? 0) - (sum[axis] ?? 0) / sampled) * scale(axis)));
+    facing += out.reduce((all, value, axis) => all + (value * (normals[4 * vertex + axis] ?? 0)) / 127, 0) / sampled;
+  }
+  return { middle, isDense, isBall: facing > ROUND, size: Math.max(...most.map((value, axis) => (value - (least[axis] ?? 0)) * scale(axis))) };
 }

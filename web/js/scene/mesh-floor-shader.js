@@ -1,36 +1,38 @@
 /** What the shaders of a preview mesh read of the floor below it: the light that its shadows take from it. */
 
 /** Side length of the floor's map in texels. */
-export const FLOOR_TEXELS = 384;
+export const FLOOR_TEXELS = 128;
 
 /** Where on the floor's map a ray from a point ends, and what it finds. */
 export const FLOOR_MAP_GLSL = `
-uniform sampler2D floorMissed; // light that the floor misses, as irradiance by pi
+uniform sampler2D floorMissed; // light that the floor misses, and as alpha the luminance of all light
 uniform vec4 floorPlane; // upward, and the floor's height; 0: there is no floor
 uniform vec3 floorX; // from the point below the middle, to coordinates of the map
 uniform vec3 floorY;
 uniform float floorAlbedo;
 uniform vec3 floorRadiance; // where nothing is in the light's way
 const float FLOOR_TEXELS = ${FLOOR_TEXELS}.0;
-uniform vec3 floorBounds; // half the scene's extent
+uniform sampler2D floorAway; // how far what shadows it is, weighted, and the sum of the weights
 uniform float floorSpread; // angle between neighbouring directions of the light so far, in proportion to that of all
-const float BLUR = 0.3; // angle between neighbouring ones of all directions, about
-// Shadows farther from the scene are of something higher: those of all directions blend there.
-vec3 floorShadow(vec3 place) {
-  vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
+const float BLUR = 0.09; // half the angle between neighbouring ones of all directions, about
+const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
+// Radiance that the floor lacks at a point of its map.
+vec3 lackingAt(vec2 uv, float level) {
   vec2 edge = 1.0 - smoothstep(0.3, 0.5, abs(uv - 0.5));
-  vec3 beside = max(abs(place) - floorBounds, 0.0) * (1.0 - abs(floorPlane.xyz));
-  float level = log2(floorSpread * (1.0 + BLUR * length(beside) * length(floorX) * FLOOR_TEXELS));
-  return edge.x * edge.y * textureLod(floorMissed, uv, level).rgb;
+  vec4 missed = textureLod(floorMissed, uv, level);
+  return edge.x * edge.y * missed.rgb / max(missed.a, 1e-9) * dot(floorRadiance, LUMINANCE);
 }
-// What of the light reflected by the floor is missing along a ray that goes downward, spread by roughness.
+// Width in texels that the floor's shadow is blurred to: the farther the thing is that casts it, the more directions must blend. Negative: there is no shadow.
+float floorBlur(vec2 uv) {
+  vec2 away = textureLod(floorAway, uv, 3.0).rg;
+  return away.y > 0.0 ? floorSpread * BLUR * away.x / away.y * length(floorX) * FLOOR_TEXELS : -1.0;
+}
+// Radiance that the floor lacks along a ray that goes downward, spread by roughness.
 vec3 missedFrom(vec3 place, vec3 way, float spread) {
   float fall = -dot(way, floorPlane.xyz);
   if (fall < 1e-3) return vec3(0.0);
   float far = max(dot(place, floorPlane.xyz) - floorPlane.w, 0.0) / fall;
   vec3 hit = place + far * way;
   vec2 uv = 0.5 + vec2(dot(hit, floorX), dot(hit, floorY));
-  vec2 edge = 1.0 - smoothstep(0.3, 0.5, abs(uv - 0.5));
-  float level = log2(1.0 + spread * far * length(floorX) * FLOOR_TEXELS);
-  return floorAlbedo * edge.x * edge.y * textureLod(floorMissed, uv, level).rgb;
+  return lackingAt(uv, log2(1.0 + spread * far * length(floorX) * FLOOR_TEXELS));
 }`;

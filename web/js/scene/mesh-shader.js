@@ -30,6 +30,40 @@ vec3 received(vec3 n) {
     + irradiance[8] * 0.546274 * (n.x * n.x - n.y * n.y), 0.0);
 }`;
 
+/** Shadows at what the camera sees. */
+const SHADOWS_GLSL = `
+${FLOOR_MAP_GLSL}
+uniform sampler2D missedLight; // light from around that does not reach what the camera sees, in proportion to the luminance of all
+uniform sampler2D openLamps; // parts of the lamps' light that reach it
+uniform sampler2D seenDepth;
+uniform sampler2D seenNormal;
+uniform vec2 perPixel;
+// Light at a pixel of the canvas: that of the texels around it which show the same surface.
+void shadowsAt(vec2 pixel, float depth, float slack, vec3 n, out vec3 missed, out vec4 open) {
+  ivec2 size = textureSize(seenDepth, 0);
+  vec2 at = pixel * perPixel * vec2(size) - 0.5;
+  ivec2 first = ivec2(floor(at + 1e-3));
+  vec2 share = at - vec2(first);
+  slack += 0.01 * (1.0 - depth) + 1e-4;
+  missed = vec3(0.0);
+  open = vec4(0.0);
+  float total = 0.0;
+  for (int i = 0; i < 4 || (i < 16 && total < 0.1); i++) { // the four around it, and if they show other surfaces, those around them
+    ivec2 side = i < 4 ? ivec2(i & 1, i >> 1) : ivec2(i & 3, i >> 2) - 1;
+    ivec2 texel = clamp(first + side, ivec2(0), size - 1);
+    vec2 near = i < 4 ? mix(1.0 - share, share, vec2(side)) : vec2(0.3);
+    if (near.x * near.y < 1e-3) continue;
+    float gap = abs(texelFetch(seenDepth, texel, 0).r - depth);
+    float alike = gap < slack ? smoothstep(0.3, 0.9, dot(n, 2.0 * texelFetch(seenNormal, texel, 0).rgb - 1.0)) : 0.0;
+    float weight = near.x * near.y * (alike + 1e-4 / (1.0 + 1e3 * gap));
+    missed += weight * texelFetch(missedLight, texel, 0).rgb;
+    open += weight * texelFetch(openLamps, texel, 0);
+    total += weight;
+  }
+  missed /= total;
+  open /= total;
+}`;
+
 /** How a surface looks in the light around it and of the lamps. */
 const LIGHT_GLSL = `
 uniform vec4 eye; // its place, with 1, or of an orthographic camera the direction to it, with 0
@@ -47,6 +81,27 @@ uniform vec3 f0;
 ${AROUND_GLSL}
 vec3 srgbDecode(vec3 c) {
   return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), greaterThan(c, vec3(0.04045)));
+}
+uniform float gain; // 2^exposure
+// Inverts what the default curve does to values that it does not compress.
+vec3 undisplayed(vec3 c) {
+  c = srgbDecode(c);
+  float least = min(c.r, min(c.g, c.b));
+  return (c + (least < 0.04 ? sqrt(least / 6.25) - least : 0.04)) / gain;
+}
+#ifdef MIRRORS
+uniform samplerCube mirrored; // the scene from its middle, without what reflects it, multiplied by its alpha
+#endif
+// Radiance along a ray: of the scene, if it is seen there, placed at the sides of its bounds; or else of what is around.
+vec3 seenAlong(vec3 place, vec3 way, float rough) {
+  vec3 light = reflected(way, rough);
+#ifdef MIRRORS
+  vec3 safe = mix(way, vec3(1e-6), lessThan(abs(way), vec3(1e-6)));
+  vec3 ends = (0.5 * extent * sign(safe) - place) / safe;
+  vec4 known = textureLod(mirrored, place + max(min(ends.x, min(ends.y, ends.z)), 0.0) * way, 7.0 * sqrt(rough));
+  if (known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
+#endif
+  return light;
 }
 // Specular albedo of a rough surface in even light. Source: Karis 2014, "Physically based shading on mobile".
 vec2 environmentBrdf(float nv, float rough) {
@@ -79,35 +134,7 @@ void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 ag
 }
 #endif
 #ifdef SHADOWS
-${FLOOR_MAP_GLSL}
-uniform sampler2D missedLight; // light from around that does not reach what the camera sees, as irradiance by pi
-uniform sampler2D openLamps; // parts of the lamps' light that reach it
-uniform sampler2D seenDepth;
-uniform vec2 perPixel;
-// Light at a pixel of the canvas: that of the texels around it which show the same surface.
-void shadowsAt(vec2 pixel, float depth, float slack, out vec3 missed, out vec4 open) {
-  ivec2 size = textureSize(seenDepth, 0);
-  vec2 at = pixel * perPixel * vec2(size) - 0.5;
-  ivec2 first = ivec2(floor(at + 1e-3));
-  vec2 share = at - vec2(first);
-  slack += 0.01 * (1.0 - depth) + 1e-4;
-  missed = vec3(0.0);
-  open = vec4(0.0);
-  float total = 0.0;
-  for (int i = 0; i < 4 || (i < 16 && total < 0.1); i++) { // the four around it, and if they show other surfaces, those around them
-    ivec2 side = i < 4 ? ivec2(i & 1, i >> 1) : ivec2(i & 3, i >> 2) - 1;
-    ivec2 texel = clamp(first + side, ivec2(0), size - 1);
-    vec2 near = i < 4 ? mix(1.0 - share, share, vec2(side)) : vec2(0.3);
-    if (near.x * near.y < 1e-3) continue;
-    float gap = abs(texelFetch(seenDepth, texel, 0).r - depth);
-    float weight = near.x * near.y * (gap < slack ? 1.0 : 1e-4 / (1.0 + 1e3 * gap));
-    missed += weight * texelFetch(missedLight, texel, 0).rgb;
-    open += weight * texelFetch(openLamps, texel, 0);
-    total += weight;
-  }
-  missed /= total;
-  open /= total;
-}
+${SHADOWS_GLSL}
 #endif
 const float LEAST_REFLECTED = 0.6; // part of the light that a mirror shows where the floor is in shadow
 // missed, open: as shadowsAt. diffuse: irradiance by pi. glossy: radiance. passed: part of the light that the surface does not reflect at once.
@@ -120,13 +147,14 @@ void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, vec
   vec3 again = 1.0 + reflectance * (1.0 / max(brdf.x + brdf.y, 0.05) - 1.0);
   vec3 albedo = again * (reflectance * brdf.x + min(25.0 * reflectance, 1.0) * brdf.y);
   vec3 whole = received(n);
-  diffuse = max(whole - missed, 0.0);
+  diffuse = max(whole - missed * dot(whole, vec3(0.2126, 0.7152, 0.0722)), 0.0);
   glossy = vec3(0.0);
   if (max(albedo.r, max(albedo.g, albedo.b)) > 0.0) {
-    vec3 light = reflected(mirror, rough);
+    // The cube shows a surface of little reflectance itself.
+    vec3 light = max(reflectance.r, max(reflectance.g, reflectance.b)) > 0.15 ? seenAlong(place, mirror, rough) : reflected(mirror, rough);
 #ifdef SHADOWS
     // The floor's map lacks what hides the floor, such as a thick plate below a metal: without a bound, its lower half would be black.
-    light = max(light - missedFrom(place, mirror, rough) * smoothstep(0.0, 0.2, -dot(mirror, floorPlane.xyz)), LEAST_REFLECTED * light);
+    if (max(reflectance.r, max(reflectance.g, reflectance.b)) > 0.1 && dot(mirror, floorPlane.xyz) < 0.0) light = max(light - missedFrom(place, mirror, rough) * smoothstep(0.0, 0.2, -dot(mirror, floorPlane.xyz)), LEAST_REFLECTED * light);
 #endif
     glossy = light * albedo * mix(vec3(1.0), diffuse / max(whole, 1e-6), rough);
   }
@@ -166,7 +194,6 @@ void main() {
 export const DENSE_VERTEX = `#version 300 es
 precision highp float;
 precision highp sampler2D;
-uniform float gain;
 uniform vec3 emission;
 uniform bool isWhole; // no texture and no picture is to be added
 ${LIGHT_GLSL}
@@ -185,7 +212,7 @@ void main() {
   vec4 open = vec4(1.0);
 #ifdef SHADOWS
   vec3 seen = gl_Position.xyz / gl_Position.w * 0.5 + 0.5;
-  shadowsAt(seen.xy / perPixel, seen.z, 0.0, missed, open);
+  shadowsAt(seen.xy / perPixel, seen.z, 0.0, n, missed, open);
 #endif
   shade(place, n, v, base, roughness, metallic, missed, open, lit, shine, passed);
   lit *= passed * base;
@@ -199,7 +226,6 @@ ${KEPT_GLSL}
 
 /** What both fragment shaders write. */
 const WRITE_GLSL = `
-uniform float gain; // 2^exposure
 uniform int curve;
 uniform int pass;
 uniform sampler2D image;
@@ -230,6 +256,7 @@ void write(vec3 color, float opacity, vec3 flatly) {
 
 export const DENSE_FRAGMENT = `#version 300 es
 precision highp float;
+uniform float gain;
 uniform vec4 eye;
 uniform float metallic;
 uniform bool isWhole;
@@ -261,6 +288,7 @@ uniform bool hasBehind;
 uniform float transmission;
 uniform float ior;
 uniform bool thin;
+uniform bool isBall;
 uniform float depth; // how far behind glass is what is seen through it
 #endif
 #ifdef COAT
@@ -272,12 +300,6 @@ ${KEPT}
 ${WRITE_GLSL}
 in vec3 facing;
 #ifdef GLASS
-// Inverts what the default curve does to values that it does not compress.
-vec3 undisplayed(vec3 c) {
-  c = srgbDecode(c);
-  float least = min(c.r, min(c.g, c.b));
-  return (c + (least < 0.04 ? sqrt(least / 6.25) - least : 0.04)) / gain;
-}
 vec3 transmitted(vec3 n, vec3 v, float rough) {
   vec3 way = -v;
   if (!thin) { // through a ball: in and out again
@@ -286,7 +308,10 @@ vec3 transmitted(vec3 n, vec3 v, float rough) {
     way = refract(inside, -end, ior);
     if (dot(way, way) < 0.5) way = inside;
   }
-  vec3 light = reflected(way, rough);
+  vec3 light = seenAlong(place, way, rough);
+#ifdef MIRRORS
+  if (isBall && !thin) return light; // it shows what is behind upside down
+#endif
   if (!hasBehind) return light;
   vec4 at = toClip * vec4(place + depth * way, 1.0);
   vec2 uv = 0.5 + 0.5 * at.xy / at.w;
@@ -310,7 +335,7 @@ void main() {
   vec4 open = vec4(1.0);
 #ifdef SHADOWS
   float slack = fwidth(gl_FragCoord.z);
-  if (pass == ${PASS.opaque}) shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, missed, open);
+  if (pass == ${PASS.opaque}) shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, n, missed, open);
 #endif
 #ifdef MAPS
   vec3 packed = texture(roughMetal, texel).rgb;
@@ -359,24 +384,36 @@ void main() {
 export const FLOOR_FRAGMENT = `#version 300 es
 precision highp float;
 precision highp sampler2D;
-uniform float gain;
 uniform int curve;
 #ifdef LAMPS
 ${LIGHT_GLSL}
-uniform sampler2D floorOpen;
 #else
-${FLOOR_MAP_GLSL}
+uniform float gain;
+${SHADOWS_GLSL}
 #endif
 ${TONEMAP_GLSL}
 in vec3 place;
 out vec4 pixel;
+const float NARROW = 2.0; // texels of the floor's map, up to which shadows are sharper than it
 void main() {
-  vec3 color = max(floorRadiance - floorAlbedo * floorShadow(place), 0.0);
+  vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
+  float wide = floorBlur(uv);
+  float slack = fwidth(gl_FragCoord.z);
+  vec3 missed = vec3(0.0);
+  vec4 open = vec4(1.0);
+#ifdef LAMPS
+  bool isNear = true;
+#else
+  bool isNear = wide >= 0.0 && wide < NARROW; // most of the floor has no shadow, or a wide one
+#endif
+  if (isNear) shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, floorPlane.xyz, missed, open);
+  missed *= dot(floorRadiance, LUMINANCE);
+  if (wide >= 0.0) missed = mix(missed, lackingAt(uv, log2(1.0 + wide)), smoothstep(0.0, NARROW, wide));
+  vec3 color = max(floorRadiance - missed, 0.0);
   float shown = 1.0;
 #ifdef LAMPS
-  vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
   vec3 diffuse = vec3(0.0), glossy = vec3(0.0);
-  addLamps(place, floorPlane.xyz, normalize(eye.xyz - eye.w * place), 1.0, vec3(0.0), vec3(0.0), texture(floorOpen, uv), diffuse, glossy);
+  addLamps(place, floorPlane.xyz, normalize(eye.xyz - eye.w * place), 1.0, vec3(0.0), vec3(0.0), open, diffuse, glossy);
   color += floorAlbedo * diffuse;
   shown -= smoothstep(0.3, 0.5, length(uv - 0.5));
 #endif

@@ -2,8 +2,10 @@
 
 import { FLOOR_MAP_GLSL } from "./mesh-floor-shader.js";
 
-/** Tiles of a batch: each is the depth of the scene seen from one direction. */
-export const [ACROSS, TILES] = [4, 16];
+/** Tiles of the map of depth, in a row and in all: each shows the scene from one direction. */
+export const [ACROSS, TILES] = [8, 64];
+/** Directions that are gathered together. */
+export const TOGETHER = 16;
 /** Tiles of the lamps at most: six around each. */
 export const MOST_LAMP_TILES = 24;
 
@@ -12,17 +14,14 @@ uniform sampler2D image;
 uniform int alphaMode; // 0: opaque, 1: mask, 2: blend
 uniform float cutoff;
 uniform float solid; // share of the light that the surface holds back
-uniform bool isHalved; // it is either solid or not: other maps do not make up for the noise of this one
+uniform float threshold; // a surface that is partly transparent hides what is behind it in so many maps as it is opaque
 in vec3 place;
 in vec4 shown;
 in vec2 texel;
-float hash(vec2 at) {
-  return fract(52.9829189 * fract(dot(at, vec2(0.06711056, 0.00583715)))); // Jimenez 2014, interleaved gradient noise
-}
 bool isHidden() {
   float opacity = alphaMode == 0 ? 1.0 : shown.a * texture(image, texel).a;
   if (alphaMode == 1) return opacity < cutoff;
-  return opacity * solid < 1.0 && opacity * solid <= (isHalved ? 0.5 : hash(gl_FragCoord.xy));
+  return opacity * solid <= threshold;
 }`;
 
 export const DEPTH_FRAGMENT = `#version 300 es
@@ -47,15 +46,23 @@ void main() {
   pixel = vec4(0.5 + 0.5 * (dot(n, flatly) < 0.0 ? -n : n), 1.0);
 }`;
 
+/** The same of the floor. */
+export const FLOOR_NORMAL_FRAGMENT = `#version 300 es
+precision highp float;
+uniform vec3 alongX;
+uniform vec3 alongY;
+out vec4 pixel;
+void main() {
+  pixel = vec4(0.5 + 0.5 * normalize(cross(alongX, alongY)), 1.0);
+}`;
+
 /** Points of the scene, one for each pixel of what is written: those that the camera sees, or those of the floor. */
 export const GATHER_VERTEX = `#version 300 es
 uniform mat4 toClip;
 flat out mat4 fromClip;
-out vec2 at;
 void main() {
   fromClip = inverse(toClip);
-  at = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
-  gl_Position = vec4(at, 0.0, 1.0);
+  gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0);
 }`;
 const POINT_GLSL = `
 #ifdef FLOOR
@@ -66,7 +73,7 @@ uniform vec3 above;
 uniform sampler2D base; // depth of what lies on the floor, from above
 uniform float thick; // height of depth 0 above the floor
 bool point(out vec3 place, out vec3 n) {
-  vec2 uv = 0.5 + 0.5 * at;
+  vec2 uv = gl_FragCoord.xy / vec2(textureSize(base, 0));
   place = corner + uv.x * alongX + uv.y * alongY + thick * (1.0 - texelFetch(base, ivec2(gl_FragCoord.xy), 0).r) * above;
   n = above;
   return true;
@@ -75,41 +82,59 @@ bool point(out vec3 place, out vec3 n) {
 flat in mat4 fromClip;
 uniform sampler2D seenDepth;
 uniform sampler2D seenNormal;
-bool point(out vec3 place, out vec3 n) {
-  ivec2 pixel = ivec2(gl_FragCoord.xy);
-  float depth = texelFetch(seenDepth, pixel, 0).r;
+uniform int step; // pixels along a side that share one
+// The pixel that a texel stands for.
+ivec2 pixelOf(ivec2 texel) {
+  return min(texel * step + step / 2, textureSize(seenDepth, 0) - 1);
+}
+vec3 normalAt(ivec2 pixel) {
+  return normalize(2.0 * texelFetch(seenNormal, pixel, 0).rgb - 1.0);
+}
+bool pointAt(ivec2 pixel, float depth, out vec3 place, out vec3 n) {
   if (depth == 1.0) return false;
+  vec2 at = 2.0 * (vec2(pixel) + 0.5) / vec2(textureSize(seenDepth, 0)) - 1.0;
   vec4 found = fromClip * vec4(at, 2.0 * depth - 1.0, 1.0);
   place = found.xyz / found.w;
-  n = normalize(2.0 * texelFetch(seenNormal, pixel, 0).rgb - 1.0);
+  n = normalAt(pixel);
   return true;
+}
+bool point(out vec3 place, out vec3 n) {
+  ivec2 pixel = pixelOf(ivec2(gl_FragCoord.xy));
+  return pointAt(pixel, texelFetch(seenDepth, pixel, 0).r, place, n);
 }
 #endif`;
 
 /**
- * Light from around that a point misses in a batch: that of the directions in which something else is seen, less what that reflects.
+ * Light from around that a point misses: that of the directions in which something else is seen, less what that reflects; and, as alpha, the
+ * luminance of the light of all directions, shadowed or not. Their ratio is bounded however few the directions are.
  */
 export const GATHER_FRAGMENT = `#version 300 es
 precision highp float;
-precision highp sampler2DArrayShadow;
-uniform sampler2DArrayShadow maps;
-uniform float layer;
-uniform int count; // of its directions
+precision highp sampler2DShadow;
+uniform sampler2DShadow maps;
+uniform int first; // of the directions
+uniform int count;
 uniform float texelSize; // width of a map's texel, in the scene
-uniform vec4 rows[${3 * TILES}]; // to the tiles' coordinates
-uniform vec3 ways[${TILES}];
-uniform vec3 colors[${TILES}];
-uniform vec3 instead[${TILES}]; // what is seen in place of the light
-in vec2 at;
-out vec4 missed;
+uniform vec4 rows[${3 * TOGETHER}]; // to the tiles' coordinates
+uniform vec3 ways[${TOGETHER}];
+uniform vec3 colors[${TOGETHER}];
+uniform vec3 instead[${TOGETHER}]; // what is seen in place of the light
+layout(location = 0) out vec4 missed;
 ${POINT_GLSL}
-#ifndef FLOOR
+#ifdef FLOOR
+uniform sampler2D mapDepth; // the maps, without comparison
+uniform float depthRange; // of the maps, in the scene
+layout(location = 1) out vec2 away; // how far what hides the light is, weighted by the light, and the sum of the weights
+#else
 ${FLOOR_MAP_GLSL}
 const float SPREAD = 0.3; // half the angle between neighbouring directions of a batch, about
 #endif
 void main() {
   vec3 place, n;
   missed = vec4(0.0);
+#ifdef FLOOR
+  away = vec2(0.0);
+#endif
   if (!point(place, n)) return;
   for (int i = 0; i < count; i++) {
     float cosine = dot(n, ways[i]);
@@ -118,24 +143,61 @@ void main() {
     vec3 seen = vec3(dot(rows[3 * i], from), dot(rows[3 * i + 1], from), dot(rows[3 * i + 2], from));
     float open = 1.0;
     if (max(abs(seen.x), abs(seen.y)) < 0.995) {
-      vec2 uv = (0.5 + 0.5 * seen.xy + vec2(i % ${ACROSS}, i / ${ACROSS})) / ${ACROSS}.0;
-      open = texture(maps, vec4(uv, layer, clamp(0.5 + 0.5 * seen.z, 0.0, 1.0)));
+      int tile = first + i;
+      vec2 uv = (0.5 + 0.5 * seen.xy + vec2(tile % ${ACROSS}, tile / ${ACROSS})) / ${ACROSS}.0;
+      float depth = clamp(0.5 + 0.5 * seen.z, 0.0, 1.0);
+      open = texture(maps, vec3(uv, depth));
+#ifdef FLOOR
+      float hidden = cosine * (1.0 - open) * dot(colors[i], vec3(0.2126, 0.7152, 0.0722));
+      if (hidden > 0.0) away += hidden * vec2(depthRange * max(depth - texture(mapDepth, uv).r, 0.0), 1.0);
+#endif
     }
     vec3 lost = (1.0 - open) * (colors[i] - instead[i]);
 #ifndef FLOOR
     // A direction below the horizon sees the floor, whose shadow is missing from the light.
     if (dot(ways[i], floorPlane.xyz) < 0.0) lost += open * colors[i] * min(missedFrom(place, ways[i], SPREAD) / max(floorRadiance, vec3(1e-6)), 1.0);
 #endif
-    missed.rgb += cosine * lost;
+    missed += cosine * vec4(lost, dot(colors[i], vec3(0.2126, 0.7152, 0.0722)));
   }
+}`;
+
+/** Blurs what is missed along a surface, and divides it by the light of all directions. */
+export const SMOOTH_FRAGMENT = `#version 300 es
+precision highp float;
+uniform sampler2D raw; // as GATHER_FRAGMENT writes it
+out vec4 missed;
+${POINT_GLSL}
+void main() {
+  ivec2 pixel = ivec2(gl_FragCoord.xy);
+  float depth = texelFetch(seenDepth, pixel, 0).r;
+  vec3 place, n;
+  missed = vec4(0.0);
+  if (!pointAt(pixel, depth, place, n)) return;
+  // Slope of the surface's depth on the screen: that of a plane is the same everywhere.
+  vec4 plane = vec4(n, -dot(n, place)) * fromClip;
+  vec2 slope = -plane.xy / (abs(plane.z) < 1e-6 ? 1e-6 : plane.z) / vec2(textureSize(seenDepth, 0));
+  float slack = 0.005 * (1.0 - depth) + 1e-4;
+  vec2 at = vec2(pixel - step / 2) / float(step);
+  ivec2 corner = ivec2(floor(at)) - 1;
+  vec4 sum = vec4(0.0);
+  for (int k = 0; k < 16; k++) {
+    ivec2 texel = corner + ivec2(k & 3, k >> 2);
+    vec2 near = 2.0 - abs(vec2(texel) - at);
+    texel = clamp(texel, ivec2(0), textureSize(raw, 0) - 1);
+    ivec2 other = pixelOf(texel);
+    float along = dot(slope, vec2(other - pixel));
+    float gap = abs(texelFetch(seenDepth, other, 0).r - depth - along);
+    float alike = gap < slack + 0.3 * abs(along) ? smoothstep(0.5, 0.95, dot(n, normalAt(other))) : 0.0;
+    sum += near.x * near.y * (alike + 1e-5 / (1.0 + 1e3 * gap)) * texelFetch(raw, texel, 0);
+  }
+  missed = vec4(sum.rgb / max(sum.a, 1e-9), 1.0);
 }`;
 
 /** Parts of four lamps' light that reach a point. */
 export const LAMPS_FRAGMENT = `#version 300 es
 precision highp float;
-precision highp sampler2DArrayShadow;
-uniform sampler2DArrayShadow maps;
-uniform float layer;
+precision highp sampler2DShadow;
+uniform sampler2DShadow maps;
 uniform int count;
 uniform int across; // tiles in a row
 uniform float texelWidth; // of a tile's
@@ -143,7 +205,6 @@ uniform float filled; // share of the map that the tiles fill, along a side
 uniform mat4 toTile[${MOST_LAMP_TILES}];
 uniform vec2 lampOf[${MOST_LAMP_TILES}]; // its number, and the width of a texel at distance 1, or of parallel light anywhere
 uniform vec4 places[4]; // of the lamps, with 1, or directions to them, with 0
-in vec2 at;
 out vec4 part;
 ${POINT_GLSL}
 void main() {
@@ -164,7 +225,7 @@ void main() {
       vec2 inTile = 0.5 + 0.5 * seen.xy / seen.w + texelWidth * step;
       vec2 uv = (clamp(inTile, texelWidth, 1.0 - texelWidth) + vec2(i % across, i / across)) * filled / float(across);
       vec2 weight = 2.0 - abs(step);
-      found += weight.x * weight.y * texture(maps, vec4(uv, layer, depth)) / 16.0;
+      found += weight.x * weight.y * texture(maps, vec3(uv, depth)) / 16.0;
     }
     open[lamp] = min(open[lamp], found);
   }

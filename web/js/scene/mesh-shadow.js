@@ -1,15 +1,19 @@
 /**
  * The shadows of a preview mesh: how much of the light from around each point misses, since something else is seen in its direction, and
  * which part of each lamp's light reaches it. The light from around is sampled by directions, of each of which a map of depth is drawn once
- * for a mesh; they are few at first and more from frame to frame. For each camera the maps are compared with what it sees; for the floor
- * below the scene, once. Source: the accumulation of shadow maps of many light samples, Brotman and Badler 1984; Haeberli and Akeley 1990.
+ * for a mesh. For each camera the maps are compared with what it sees, the floor below the scene included: coarsely at first, then at
+ * full resolution; both are smoothed on surfaces. Source: the accumulation of shadow maps of many light samples, Brotman and Badler 1984;
+ * Haeberli and Akeley 1990.
  */
 
 import { irradianceAt } from "./mesh-environment.js";
 import { FLOOR_TEXELS } from "./mesh-floor-shader.js";
 import { lightSamples } from "./mesh-light-samples.js";
-import { VERTEX } from "./mesh-shader.js";
-import { ACROSS, DEPTH_FRAGMENT, GATHER_FRAGMENT, GATHER_VERTEX, LAMPS_FRAGMENT, MOST_LAMP_TILES, NORMAL_FRAGMENT, TILES } from "./mesh-shadow-shader.js";
+import { FLOOR_VERTEX, VERTEX } from "./mesh-shader.js";
+import { BASE, ShadowMaps } from "./mesh-shadow-maps.js";
+import { albedoOf, extentOf, floorMap, placeOf, radiusOf } from "./mesh-shadow-places.js";
+import { FLOOR_NORMAL_FRAGMENT, GATHER_FRAGMENT, GATHER_VERTEX, LAMPS_FRAGMENT, NORMAL_FRAGMENT, SMOOTH_FRAGMENT, TILES, TOGETHER } from "./mesh-shadow-shader.js";
+import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../news/mesh-packet.js").Lamp} Lamp */
@@ -18,34 +22,28 @@ import { ACROSS, DEPTH_FRAGMENT, GATHER_FRAGMENT, GATHER_VERTEX, LAMPS_FRAGMENT,
 /** @typedef {import("../news/mesh-packet.js").MeshPart} MeshPart */
 /** @typedef {import("./mesh-environment.js").LightTables} LightTables */
 
-/** Batches of TILES directions. */
-const BATCHES = 4;
-/** Side length of a batch's map and of the lamps' one in texels. */
-const [MAP, LAMP_MAP] = [2048, 2048];
-/** Half the side length of the floor's map, in radii of the scene. */
-const REACH = 3.5;
-/** How far from the middle of the scene the map's corners are, in radii. */
-export const FLOOR_REACH = 1 + REACH * Math.SQRT2;
-/** Height above the floor, in radii of the scene, up to which what lies on it is taken for a part of it: a base or a plate. */
-const BASE = 0.05;
 /** Part of the light that other surfaces of the scene receive, which are seen in place of the light. */
 const OPEN = 0.7;
 /** Part of the light around that stays where surfaces are seen in its place, if it is but an estimate of what surfaces reflect. */
 const REFLECTED = 0.6;
-/** Part of the light that passes through glass, besides what it refracts elsewhere. */
-const CLEAR = 0.7;
 /** Texture units; those of the mesh are below. */
-export const UNITS = { maps: 9, seenDepth: 10, seenNormal: 11, missed: 12, open: 13, floorMissed: 14, floorOpen: 15 };
+const UNITS = { maps: 9, seenDepth: 10, seenNormal: 11, missed: 12, open: 13, floorMissed: 14, floorAway: 15 };
 /** Pixels of the view above which shadows are computed for every other one along a side. */
 const MANY_PIXELS = 500_000;
+/** Pixels along a side for which the coarse shadows are computed once. */
+const COARSE = 2;
 /** Time, in milliseconds, that the shadows may take of a frame; and number of tiles that are drawn in a frame, at first and at least. */
-const [BUDGET_MS, FIRST_TILES] = [25, 4];
-/** Triangles above which the first frame has the shadows of FIRST_TILES directions, and else those of a batch. */
-const MANY_TRIANGLES = 200_000;
+const [BUDGET_MS, FEWEST_TILES] = [25, 4];
+/** Triangles that the first frame's directions may have together. */
+const FIRST_TRIANGLES = 800_000;
+/** Directions of the first frame. */
+const FIRST_TILES = 32;
 /** Difference of two scenes' extents, of their size, up to which they have the same shape. */
 const SLACK = 1e-4;
 
-/** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, isAlone: boolean, drawPart: (part: MeshPart, material: MeshMaterial, at: (name: string) => WebGLUniformLocation | null) => void}} Subject isAlone: whether only lamps light it. above: up in the scene, if it stands on a floor */
+/** @typedef {(name: string) => WebGLUniformLocation | null} At */
+/** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, isAlone: boolean, drawPart: (part: MeshPart, material: MeshMaterial, at: At) => void}} Subject isAlone: whether only lamps light it. above: up in the scene, if it stands on a floor */
+/** What the camera sees, and the light that misses it: added up coarsely and finely, and smoothed. @typedef {{width: number, height: number, depth: WebGLTexture, normal: WebGLTexture, coarse: WebGLTexture, fine: WebGLTexture, missed: WebGLTexture, open: WebGLTexture}} Seen */
 
 export class MeshShadows {
   /**
@@ -61,43 +59,29 @@ export class MeshShadows {
     this.subject = null;
     /** @type {import("./mesh-light-samples.js").LightSample[]} */
     this.samples = [];
-    /** @type {number[][]} to a tile, three rows of each sample */
-    this.rows = [];
-    /** @type {number[]} */
+    /** What surfaces reflect in place of each sample's light. @type {number[]} */
     this.instead = [];
-    /** Tiles of the samples that are drawn, batches that are gathered for the floor, and for the camera. */
-    this.drawn = this.onFloor = this.gathered = 0;
-    /** Whether the lamps' tiles are drawn, and gathered for the floor and the camera. */
-    this.lampsDrawn = this.lampsGathered = false;
-    this.tilesAtOnce = FIRST_TILES;
+    /** @type {ShadowMaps | null} */
+    this.maps = null;
+    /** What the floor's map misses, and how far what shadows it is. @type {[WebGLTexture, WebGLTexture] | null} */
+    this.floor = null;
+    /** Directions that the floor's map, and the camera's fine shadows have. */
+    this.onFloor = this.fine = 0;
+    this.tilesAtOnce = FEWEST_TILES;
     /** @type {Float32Array<ArrayBuffer> | null} */
     this.toClip = null;
-    /** @type {{maps: WebGLTexture, lampMaps: WebGLTexture | null, frame: WebGLFramebuffer, floorMissed: WebGLTexture, floorOpen: WebGLTexture, base: WebGLTexture} | null} base: depth of the floor and what lies on it, from above */
-    this.kept = null;
-    /** What the camera sees. @type {{width: number, height: number, depth: WebGLTexture, normal: WebGLTexture, missed: WebGLTexture, open: WebGLTexture} | null} */
+    /** @type {Seen | null} */
     this.seen = null;
     /** Set once the work of the last frame is done, and when it began. @type {WebGLSync | null} */
     this.fence = null;
     this.begun = 0;
-    /** Bounds of the parts that shine, relative to the mesh's middle. @type {Map<MeshPart, {low: number[], high: number[]}>} */
-    this.shining = new Map();
-    /** Tiles of the lamps. @type {{lamp: number, matrix: number[], texel: number}[]} */
-    this.lampTiles = [];
+    /** @type {WebGLFramebuffer | null} */
+    this.frame = null;
   }
 
   /** Whether nothing is left to do. */
   get isDone() {
-    return !this.isPossible || !this.subject || (this.gathered === this.batches && this.lampsGathered);
-  }
-
-  /** Whether a whole batch is drawn between two frames: then the picture can be drawn in each. */
-  get isFast() {
-    return this.tilesAtOnce >= TILES;
-  }
-
-  /** Number of batches in all. */
-  get batches() {
-    return this.samples.length / TILES;
+    return !this.isPossible || !this.subject || this.fine === this.samples.length;
   }
 
   /** Begins the shadows of another mesh, or of another light; those of the same shape, which the service has read too, stay. @param {Subject} subject */
@@ -106,39 +90,34 @@ export class MeshShadows {
     const isAlike = this.subject !== null && isSameShape(this.subject, subject);
     this.subject = subject;
     this.toClip = null;
-    const { mesh, tables, lamps } = subject;
-    this.shining = new Map(lamps.length ? mesh.parts.filter(({ material }) => Math.max(...(mesh.materials[material]?.emission ?? [])) > 0).map((part) => [part, boxOf(mesh, part)]) : []);
+    const { mesh, tables } = subject;
+    this.maps ??= new ShadowMaps(gl, (vertex, fragment) => this.program(vertex, fragment));
+    if (!isAlike) this.samples = lightSamples(/** @type {LightTables["levels"][number]} */ (tables.levels[0]), TILES);
+    this.maps.begin(subject, this.samples, isAlike);
     if (isAlike) return;
-    const table = /** @type {LightTables["levels"][number]} */ (tables.levels[0]);
-    this.samples = lightSamples(table, BATCHES * TILES);
-    const radius = radiusOf(mesh);
-    this.rows = this.samples.map(({ way }, i) => rowsTowards(way, i, radius));
     const albedo = albedoOf(mesh);
-    this.instead = this.samples.flatMap(({ way, weight, color }) => subject.isAlone ? color.map((value) => REFLECTED * value) : irradianceAt(tables.irradiance, /** @type {Vec3} */ (way.map((value) => -value))).map((value, k) => OPEN * weight * value * (albedo[k] ?? 0)));
-    this.drawn = this.onFloor = this.gathered = 0;
-    this.lampTiles = lampTilesOf(mesh, lamps);
-    this.lampsDrawn = this.lampsGathered = !this.lampTiles.length;
-    this.kept ??= {
-      ...{ maps: this.depthArray(MAP, BATCHES, gl.DEPTH_COMPONENT16), lampMaps: null, frame: gl.createFramebuffer() },
-      ...{ floorMissed: this.target(FLOOR_TEXELS, FLOOR_TEXELS, gl.RGBA16F), floorOpen: this.target(FLOOR_TEXELS, FLOOR_TEXELS, gl.RGBA8) },
-      base: this.depthTexture(FLOOR_TEXELS, FLOOR_TEXELS),
-    };
-    if (this.lampTiles.length) this.kept.lampMaps ??= this.depthArray(LAMP_MAP, 1, gl.DEPTH_COMPONENT24);
-    this.clear(this.kept.floorMissed, 0);
-    this.clear(this.kept.floorOpen, 1);
+    this.instead = this.samples.flatMap(({ way, weight, color }) => {
+      if (subject.isAlone) return color.map((value) => REFLECTED * value);
+      const received = irradianceAt(tables.irradiance, /** @type {Vec3} */ (way.map((value) => -value)));
+      return received.map((value) => OPEN * weight * value * albedo);
+    });
+    this.onFloor = this.fine = 0;
+    if (!this.floor) {
+      const target = (/** @type {number} */ format) => colorTarget(gl, FLOOR_TEXELS, FLOOR_TEXELS, format, Math.floor(Math.log2(FLOOR_TEXELS)) + 1);
+      gl.activeTexture(gl.TEXTURE0 + UNITS.floorMissed);
+      this.floor = [target(gl.RGBA16F), target(gl.RG16F)];
+    }
+    this.clearFloor();
     this.mipmap();
   }
 
-  /** Draws what the first frame is shown with, few directions where there are many triangles, and gathers it for the floor. */
+  /** Draws the maps that the first frame is shown with, fewer where there are many triangles. */
   drawFirst() {
-    const { gl, subject, samples } = this;
-    if (this.drawn || !samples.length || !subject) return;
-    gl.disable(gl.BLEND);
-    gl.enable(gl.DEPTH_TEST);
-    if (subject.above) this.drawBase();
-    this.drawTiles(subject.mesh.triangles > MANY_TRIANGLES ? FIRST_TILES : TILES);
-    if (subject.above) this.gather(0, true);
-    if (this.drawn === TILES) this.onFloor = 1;
+    const { subject, maps } = this;
+    if (!maps || maps.drawn || !this.samples.length || !subject) return;
+    if (subject.above) maps.drawBase();
+    maps.drawDirections(Math.min(FIRST_TILES, Math.max(FEWEST_TILES, Math.floor(FIRST_TRIANGLES / subject.mesh.triangles))));
+    this.gatherFloor();
   }
 
   /** Begins anew: the texture of a surface that is partly transparent has arrived. */
@@ -156,41 +135,53 @@ export class MeshShadows {
    * @param {{width: number, height: number}} size of the canvas
    */
   follow(toClip, eye, size) {
-    const { gl, subject } = this;
-    if (!subject) return;
+    const { gl, subject, maps } = this;
+    if (!subject || !maps) return;
     const share = size.width * size.height > MANY_PIXELS ? 2 : 1;
     const [width, height] = [Math.ceil(size.width / share), Math.ceil(size.height / share)];
     const isSame = this.seen?.width === width && this.seen.height === height && this.toClip?.every((value, i) => value === toClip[i]);
     if (isSame) return;
-    if (this.seen?.width !== width || this.seen.height !== height) {
-      this.forget();
-      this.seen = { width, height, depth: this.depthTexture(width, height), normal: this.target(width, height, gl.RGBA8), missed: this.target(width, height, gl.RGBA16F), open: this.target(width, height, gl.RGBA8) };
-    }
+    if (this.seen?.width !== width || this.seen.height !== height) this.resize(width, height);
     this.toClip = Float32Array.from(toClip);
-    this.gathered = 0;
-    this.lampsGathered = !this.lampTiles.length;
-    const { seen } = this;
-    const linked = this.program(VERTEX, NORMAL_FRAGMENT);
-    if (!seen || !linked || !this.kept) return;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.kept.frame);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, seen.normal, 0);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, seen.depth, 0);
-    gl.viewport(0, 0, width, height);
-    gl.clear(gl.DEPTH_BUFFER_BIT);
-    gl.useProgram(linked.program);
-    gl.uniform1i(linked.at("isHalved"), 0);
-    gl.uniform4fv(linked.at("eye"), eye);
-    this.drawSolids(linked, toClip, ({ transmission, alpha_mode: mode }) => (transmission > 0 || mode === "blend" ? 0 : 1));
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
-    this.clear(seen.missed, 0);
-    this.clear(seen.open, 1);
+    this.fine = 0;
+    this.drawSeen(eye);
     this.drawFirst();
-    // Shadows that are known stay while the camera turns; those of few directions, where all take long.
-    if (!this.lampsGathered) this.gatherLamps();
-    const known = Math.floor(this.drawn / TILES);
-    if (!known && this.drawn) this.gather(0, false);
-    while (this.gathered < (this.isFast ? known : Math.min(known, 1))) this.gather(this.gathered++, false);
+    this.gatherLamps();
+    this.gatherFirst();
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  /** @param {number} width @param {number} height */
+  resize(width, height) {
+    const { gl } = this;
+    if (this.seen) for (const texture of [this.seen.depth, this.seen.normal, this.seen.coarse, this.seen.fine, this.seen.missed, this.seen.open]) gl.deleteTexture(texture);
+    gl.activeTexture(gl.TEXTURE0 + UNITS.missed);
+    const colors = (/** @type {number} */ format, share = 1) => colorTarget(gl, Math.ceil(width / share), Math.ceil(height / share), format);
+    this.seen = { width, height, depth: depthTarget(gl, width, height, gl.DEPTH_COMPONENT24), normal: colors(gl.RGBA8), coarse: colors(gl.RGBA16F, COARSE), fine: colors(gl.RGBA16F), missed: colors(gl.RGBA16F), open: colors(gl.RGBA8) };
+  }
+
+  /** Draws depth and normals of what the camera sees. @param {number[]} eye */
+  drawSeen(eye) {
+    const { gl, seen, maps, subject, toClip } = this;
+    const linked = this.program(VERTEX, NORMAL_FRAGMENT);
+    if (!seen || !linked || !maps || !subject || !toClip) return;
+    this.target(seen.normal, seen.width, seen.height);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, seen.depth, 0);
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.disable(gl.BLEND);
+    gl.enable(gl.DEPTH_TEST);
+    gl.useProgram(linked.program);
+    gl.uniform1f(linked.at("threshold"), 0.5);
+    gl.uniform4fv(linked.at("eye"), eye);
+    maps.drawSolids(linked, toClip, ({ transmission, alpha_mode: mode }) => (transmission > 0 || mode === "blend" ? 0 : 1));
+    const floor = subject.above && this.program(FLOOR_VERTEX, FLOOR_NORMAL_FRAGMENT);
+    if (floor) {
+      gl.useProgram(floor.program);
+      gl.uniformMatrix4fv(floor.at("toClip"), false, toClip);
+      this.placeFloor(floor.at);
+      gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+    }
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
   }
 
   /**
@@ -208,251 +199,209 @@ export class MeshShadows {
 
   /** Draws and gathers what a frame has time for. @returns {boolean} whether what is shown has changed */
   work() {
-    const { gl, subject } = this;
-    if (this.isDone || !subject || !this.toClip) return false;
+    const { gl, maps } = this;
+    if (this.isDone || !maps || !this.toClip) return false;
     if (this.fence) {
       const isOver = gl.clientWaitSync(this.fence, 0, 0) !== gl.TIMEOUT_EXPIRED;
       if (!isOver) return false;
       gl.deleteSync(this.fence);
       this.fence = null;
       const took = performance.now() - this.begun;
-      if (took > 2 * BUDGET_MS) this.tilesAtOnce = Math.max(FIRST_TILES, this.tilesAtOnce / 2);
-      else if (took < BUDGET_MS) this.tilesAtOnce = Math.min(2 * TILES, this.tilesAtOnce * 2);
+      if (took > 2 * BUDGET_MS) this.tilesAtOnce = Math.max(FEWEST_TILES, this.tilesAtOnce / 2);
+      else if (took < BUDGET_MS) this.tilesAtOnce = Math.min(TILES, this.tilesAtOnce * 2);
     }
     this.begun = performance.now();
-    gl.disable(gl.BLEND);
-    gl.enable(gl.DEPTH_TEST);
-    let hasChanged = false;
-    const available = () => Math.floor(this.drawn / TILES);
-    if (this.drawn < this.samples.length) {
-      this.drawTiles(Math.min(this.tilesAtOnce, this.samples.length - this.drawn));
-      if (subject.above)
-        for (; this.onFloor < available(); this.onFloor++) {
-          this.gather(this.onFloor, true);
-          hasChanged = true;
-        }
-      // The first batches of what the camera sees had a floor of few directions.
-      if (this.drawn === this.samples.length && subject.above) this.gathered = 0;
-    }
-    for (let i = 0; i < Math.max(1, this.tilesAtOnce / 8) && this.gathered < available(); i++) {
-      this.gather(this.gathered++, false);
-      hasChanged = true;
+    if (maps.drawn < this.samples.length) {
+      maps.drawDirections(this.tilesAtOnce);
+      if (maps.drawn === this.samples.length) this.gatherFloor();
+    } else {
+      for (let i = 0; i < Math.max(1, this.tilesAtOnce / TOGETHER) && !this.isDone; i++) this.gatherMore();
+      if (this.isDone && this.seen) this.smooth(this.seen.fine, 1);
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     this.fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
-    return hasChanged;
+    return this.isDone;
   }
 
-  /** Draws what lies on the floor, as it is seen from above. */
-  drawBase() {
-    const { gl, kept, subject } = this;
-    const linked = this.program(VERTEX, DEPTH_FRAGMENT);
-    if (!kept || !subject || !linked) return;
-    const { above, height, floorX, floorY } = floorMap(subject);
-    const thick = BASE * radiusOf(subject.mesh);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, kept.frame);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, null, 0);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, kept.base, 0);
-    gl.viewport(0, 0, FLOOR_TEXELS, FLOOR_TEXELS);
-    gl.clear(gl.DEPTH_BUFFER_BIT);
-    gl.useProgram(linked.program);
-    gl.uniform1i(linked.at("isHalved"), 1);
-    // From the near plane at its top to the far one on the floor.
-    const rows = [[...floorX.map((value) => 2 * value), 0], [...floorY.map((value) => 2 * value), 0], [...above.map((value) => (-2 * value) / thick), 1 + (2 * height) / thick]].flat();
-    const toBase = matrixOf(rows);
-    for (const axis of [0, 1, 2]) toBase[12 + axis] = rows[4 * axis + 3] ?? 0;
-    this.drawSolids(linked, toBase, ({ transmission }) => 1 - CLEAR * transmission);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
+  /** Gathers all directions that are drawn for the floor's map. */
+  gatherFloor() {
+    const { maps, floor, subject } = this;
+    if (!maps || !floor || !subject?.above) return;
+    this.clearFloor();
+    for (let first = 0; first < maps.drawn; first += TOGETHER) this.gather(floor[0], first, 0);
+    this.onFloor = maps.drawn;
+    this.mipmap();
   }
 
-  /** Draws the depth of the scene as it is seen from further directions. @param {number} count */
-  drawTiles(count) {
-    const { gl, kept } = this;
-    const linked = this.program(VERTEX, DEPTH_FRAGMENT);
-    if (!kept || !linked) return;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, kept.frame);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, null, 0);
-    gl.useProgram(linked.program);
-    gl.uniform1i(linked.at("isHalved"), 0);
-    const side = MAP / ACROSS;
-    for (const end = this.drawn + count; this.drawn < end; this.drawn++) {
-      const tile = this.drawn % TILES;
-      gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, kept.maps, 0, Math.floor(this.drawn / TILES));
-      if (!tile) {
-        gl.viewport(0, 0, MAP, MAP);
-        gl.clear(gl.DEPTH_BUFFER_BIT);
-      }
-      gl.viewport(side * (tile % ACROSS), side * Math.floor(tile / ACROSS), side, side);
-      this.drawSolids(linked, matrixOf(this.rows[this.drawn] ?? []), ({ transmission }) => 1 - CLEAR * transmission);
-    }
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
+  /** Gathers the first directions for the camera, coarsely: in each frame while it turns. */
+  gatherFirst() {
+    const { maps, seen } = this;
+    if (!maps || !seen) return;
+    this.clear(seen.coarse, 0);
+    for (let first = 0; first < Math.min(maps.drawn, FIRST_TILES); first += TOGETHER) this.gather(seen.coarse, first, COARSE);
+    this.smooth(seen.coarse, COARSE);
   }
 
-  /**
-   * Draws the parts that hold light back.
-   *
-   * @param {import("./mesh-program.js").Linked} linked its program is in use
-   * @param {Float32Array<ArrayBuffer>} toClip
-   * @param {(material: MeshMaterial, part: MeshPart) => number} solid share of the light that a part holds back; 0: it is not drawn
-   */
-  drawSolids({ at }, toClip, solid) {
-    const { gl, subject } = this;
-    if (!subject) return;
-    const { mesh, drawPart } = subject;
-    gl.uniformMatrix4fv(at("toClip"), false, toClip);
-    gl.uniform3fv(at("extent"), extentOf(mesh));
-    gl.uniform1i(at("image"), 0);
-    for (const part of mesh.parts) {
-      const material = /** @type {MeshMaterial} */ (mesh.materials[part.material]);
-      const share = solid(material, part);
-      gl.uniform1f(at("solid"), share);
-      if (share > 0) drawPart(part, material, at);
-    }
+  /** Gathers further directions for the camera, finely. */
+  gatherMore() {
+    const { seen } = this;
+    if (!seen) return;
+    if (!this.fine) this.clear(seen.fine, 0);
+    this.gather(seen.fine, this.fine, 1);
+    this.fine = Math.min(this.fine + TOGETHER, this.samples.length);
   }
 
-  /** Adds up what a batch's light misses, or those directions of the first one that are drawn. @param {number} batch @param {boolean} isFloor whether on the floor, or else where the camera sees something */
-  gather(batch, isFloor) {
-    const { gl, kept, seen, subject, samples } = this;
-    const linked = this.program(GATHER_VERTEX, GATHER_FRAGMENT, isFloor ? ["FLOOR"] : []);
-    if (!kept || !seen || !subject || !linked) return;
+  /** Adds up what the light of some directions misses. @param {WebGLTexture} target @param {number} first @param {number} step pixels that a texel of the target stands for; 0: it is the floor's map */
+  gather(target, first, step) {
+    const { gl, maps, samples } = this;
+    const linked = this.program(GATHER_VERTEX, GATHER_FRAGMENT, step ? [] : ["FLOOR"]);
+    if (!maps || !linked) return;
     const { at } = linked;
-    this.beginGathering(linked, isFloor ? kept.floorMissed : seen.missed, isFloor, batch);
-    const first = batch * TILES;
-    const count = Math.min(TILES, this.drawn - first);
-    const scale = samples.length / count;
-    bindTo(gl, UNITS.maps, gl.TEXTURE_2D_ARRAY, kept.maps);
-    gl.uniform1f(at("layer"), batch);
-    gl.uniform1i(at("count"), count);
-    gl.uniform1f(at("texelSize"), (2 * radiusOf(subject.mesh) * ACROSS) / MAP);
-    gl.uniform4fv(at("rows"), this.rows.slice(first, first + TILES).flat());
-    gl.uniform3fv(at("ways"), samples.slice(first, first + TILES).flatMap(({ way }) => way));
-    gl.uniform3fv(at("colors"), samples.slice(first, first + TILES).flatMap(({ color }) => color.map((value) => scale * value)));
-    gl.uniform3fv(at("instead"), this.instead.slice(3 * first, 3 * (first + TILES)).map((value) => scale * value));
-    if (!isFloor) this.setFloor(at);
-    this.endGathering();
-    if (isFloor) this.mipmap();
-  }
-
-  /** Draws the lamps' tiles unless they are drawn, and finds out where the lamps are seen. */
-  gatherLamps() {
-    const { gl, kept, seen, subject, lampTiles } = this;
-    if (!kept || !seen || !subject) return;
-    const across = Math.ceil(Math.sqrt(lampTiles.length));
-    const side = Math.floor(LAMP_MAP / across);
-    if (!this.lampsDrawn) {
-      const linked = this.program(VERTEX, DEPTH_FRAGMENT);
-      if (!linked) return;
-      gl.bindFramebuffer(gl.FRAMEBUFFER, kept.frame);
-      gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, null, 0);
-      gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, kept.lampMaps, 0, 0);
-      gl.viewport(0, 0, LAMP_MAP, LAMP_MAP);
-      gl.clear(gl.DEPTH_BUFFER_BIT);
-      gl.useProgram(linked.program);
-      gl.uniform1i(linked.at("isHalved"), 1);
-      lampTiles.forEach(({ lamp, matrix }, tile) => {
-        const place = placeOf(subject.mesh, /** @type {Lamp} */ (subject.lamps[lamp]));
-        gl.viewport(side * (tile % across), side * Math.floor(tile / across), side, side);
-        this.drawSolids(linked, Float32Array.from(matrix), ({ transmission }, part) => (place[3] && this.isAround(part, place) ? 0 : 1 - CLEAR * transmission));
-      });
-      gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
-    }
-    for (const isFloor of [true, false]) {
-      if (isFloor && (this.lampsDrawn || !subject.above)) continue;
-      const linked = this.program(GATHER_VERTEX, LAMPS_FRAGMENT, isFloor ? ["FLOOR"] : []);
-      if (!linked) return;
-      const { at } = linked;
-      this.beginGathering(linked, isFloor ? kept.floorOpen : seen.open, isFloor, 0);
-      bindTo(gl, UNITS.maps, gl.TEXTURE_2D_ARRAY, kept.lampMaps);
-      gl.uniform1f(at("layer"), 0);
-      gl.uniform1i(at("count"), lampTiles.length);
-      gl.uniform1i(at("across"), across);
-      // The tiles fill the map but for a remainder of texels.
-      gl.uniform1f(at("texelWidth"), 1 / side);
-      gl.uniform1f(at("filled"), (side * across) / LAMP_MAP);
-      gl.uniformMatrix4fv(at("toTile"), false, lampTiles.flatMap(({ matrix }) => matrix));
-      gl.uniform2fv(at("lampOf"), lampTiles.flatMap(({ lamp, texel }) => [lamp, texel / side]));
-      gl.uniform4fv(at("places"), subject.lamps.flatMap((lamp) => placeOf(subject.mesh, lamp)));
-      this.endGathering();
-    }
-    this.lampsDrawn = this.lampsGathered = true;
-  }
-
-  /** Returns whether a part shines and surrounds a lamp: then the lamp stands for it. @param {MeshPart} part @param {number[]} place */
-  isAround(part, place) {
-    const box = this.shining.get(part);
-    return box !== undefined && [0, 1, 2].every((axis) => (place[axis] ?? 0) >= (box.low[axis] ?? 0) && (place[axis] ?? 0) <= (box.high[axis] ?? 0));
-  }
-
-  /** @param {import("./mesh-program.js").Linked} linked @param {WebGLTexture} target @param {boolean} isFloor @param {number} before number of batches that are in the target */
-  beginGathering({ program, at }, target, isFloor, before) {
-    const { gl, kept, seen, subject } = this;
-    if (!kept || !seen || !subject) return;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, kept.frame);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, target, 0);
-    gl.viewport(0, 0, isFloor ? FLOOR_TEXELS : seen.width, isFloor ? FLOOR_TEXELS : seen.height);
-    gl.useProgram(program);
-    gl.uniform1i(at("maps"), UNITS.maps);
-    if (isFloor) {
-      const { corner, alongX, alongY, above } = floorMap(subject);
-      gl.uniform3fv(at("corner"), corner);
-      gl.uniform3fv(at("alongX"), alongX);
-      gl.uniform3fv(at("alongY"), alongY);
-      gl.uniform3fv(at("above"), above);
-      gl.uniform1f(at("thick"), BASE * radiusOf(subject.mesh));
-      gl.uniform1i(at("base"), UNITS.seenDepth);
-      bindTo(gl, UNITS.seenDepth, gl.TEXTURE_2D, kept.base);
-    } else {
-      gl.uniformMatrix4fv(at("toClip"), false, /** @type {Float32Array<ArrayBuffer>} */ (this.toClip));
-      gl.uniform1i(at("seenDepth"), UNITS.seenDepth);
-      gl.uniform1i(at("seenNormal"), UNITS.seenNormal);
-      bindTo(gl, UNITS.seenDepth, gl.TEXTURE_2D, seen.depth);
-      bindTo(gl, UNITS.seenNormal, gl.TEXTURE_2D, seen.normal);
-    }
-    gl.disable(gl.DEPTH_TEST);
+    const last = Math.min(first + TOGETHER, maps.drawn);
+    this.beginPoints(linked, target, step);
+    maps.bind(UNITS.maps, maps.directions);
+    gl.uniform1i(at("first"), first);
+    gl.uniform1i(at("count"), last - first);
+    gl.uniform1f(at("texelSize"), maps.texelSize);
+    gl.uniform4fv(at("rows"), maps.rows.slice(first, last).flat());
+    gl.uniform3fv(at("ways"), samples.slice(first, last).flatMap(({ way }) => way));
+    gl.uniform3fv(at("colors"), samples.slice(first, last).flatMap(({ color }) => color));
+    gl.uniform3fv(at("instead"), this.instead.slice(3 * first, 3 * last));
+    if (step) this.setFloor(at);
+    if (!step) this.addAway(at);
     gl.enable(gl.BLEND);
-    gl.blendColor(0, 0, 0, 1 / (before + 1));
-    gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
-  }
-
-  endGathering() {
-    const { gl } = this;
+    gl.blendFunc(gl.ONE, gl.ONE);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.disable(gl.BLEND);
     gl.enable(gl.DEPTH_TEST);
+    if (step) return;
+    gl.bindSampler(UNITS.seenNormal, null);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, gl.TEXTURE_2D, null, 0);
+    gl.drawBuffers([gl.COLOR_ATTACHMENT0]);
   }
 
-  /** Sets what FLOOR_MAP_GLSL reads. @param {(name: string) => WebGLUniformLocation | null} at */
-  setFloor(at) {
-    const { gl, kept, subject } = this;
-    if (!kept || !subject) return;
-    const { above, height, floorX, floorY } = floorMap(subject);
-    const floor = subject.tables.floor;
-    gl.uniform4fv(at("floorPlane"), subject.above ? [...above, height] : [0, 0, 0, 0]);
-    gl.uniform3fv(at("floorBounds"), extentOf(subject.mesh).map((value) => value / 2));
-    gl.uniform3fv(at("floorX"), floorX);
-    gl.uniform3fv(at("floorY"), floorY);
-    gl.uniform1f(at("floorAlbedo"), floor?.albedo ?? 0);
-    gl.uniform1f(at("floorSpread"), Math.sqrt(Math.max(1, this.samples.length / (this.onFloor * TILES || this.drawn || 1))));
-    gl.uniform3fv(at("floorRadiance"), floor?.radiance ?? [1, 1, 1]);
-    gl.uniform1i(at("floorMissed"), UNITS.floorMissed);
-    gl.uniform1i(at("floorOpen"), UNITS.floorOpen);
-    bindTo(gl, UNITS.floorMissed, gl.TEXTURE_2D, kept.floorMissed);
-    bindTo(gl, UNITS.floorOpen, gl.TEXTURE_2D, kept.floorOpen);
+  /** Adds the distance of what shadows the floor to what is gathered, from the depths themselves. @param {At} at */
+  addAway(at) {
+    const { gl, maps, floor, subject } = this;
+    if (!maps || !floor || !subject) return;
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, gl.TEXTURE_2D, floor[1], 0);
+    gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]);
+    maps.bind(UNITS.seenNormal, maps.directions);
+    gl.bindSampler(UNITS.seenNormal, maps.uncompared);
+    gl.uniform1i(at("mapDepth"), UNITS.seenNormal);
+    gl.uniform1f(at("depthRange"), 2 * radiusOf(subject.mesh));
   }
 
-  /** Sets what the floor's shaders read. @param {(name: string) => WebGLUniformLocation | null} at */
-  bindFloor(at) {
+  clearFloor() {
+    for (const texture of this.floor ?? []) this.clear(texture, 0);
+  }
+
+  /** Blurs the light that was added up along the surfaces that the camera sees. @param {WebGLTexture} raw @param {number} step pixels that a texel of it stands for */
+  smooth(raw, step) {
+    const { gl, seen } = this;
+    const linked = this.program(GATHER_VERTEX, SMOOTH_FRAGMENT);
+    if (!seen || !linked) return;
+    this.beginPoints(linked, seen.missed, 1);
+    gl.uniform1i(linked.at("step"), step);
+    gl.uniform1i(linked.at("raw"), UNITS.missed);
+    bindTexture(gl, UNITS.missed, raw);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.enable(gl.DEPTH_TEST);
+  }
+
+  /** Finds out where the lamps are seen. */
+  gatherLamps() {
+    const { gl, maps, seen, subject } = this;
+    if (!maps || !seen || !subject) return;
+    const { lampTiles } = maps;
+    if (!lampTiles.length) {
+      this.clear(seen.open, 1);
+      return;
+    }
+    maps.drawLamps();
+    const linked = this.program(GATHER_VERTEX, LAMPS_FRAGMENT);
+    if (!linked) return;
+    const { at } = linked;
+    const { across, side, filled } = maps.lampGrid;
+    this.beginPoints(linked, seen.open, 1);
+    maps.bind(UNITS.maps, maps.lamps);
+    gl.uniform1i(at("count"), lampTiles.length);
+    gl.uniform1i(at("across"), across);
+    // The tiles fill the map but for a remainder of texels.
+    gl.uniform1f(at("texelWidth"), 1 / side);
+    gl.uniform1f(at("filled"), filled);
+    gl.uniformMatrix4fv(at("toTile"), false, lampTiles.flatMap(({ matrix }) => matrix));
+    gl.uniform2fv(at("lampOf"), lampTiles.flatMap(({ lamp, texel }) => [lamp, texel / side]));
+    gl.uniform4fv(at("places"), subject.lamps.flatMap((lamp) => placeOf(subject.mesh, lamp)));
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.enable(gl.DEPTH_TEST);
+  }
+
+  /** Begins to compute something for many points. @param {import("./mesh-program.js").Linked} linked @param {WebGLTexture} target @param {number} step pixels of what the camera sees that a texel stands for; 0: points of the floor's map */
+  beginPoints({ program, at }, target, step) {
+    const { gl, maps, seen, subject } = this;
+    if (!maps || !seen || !subject) return;
+    if (step) this.target(target, Math.ceil(seen.width / step), Math.ceil(seen.height / step));
+    else this.target(target, FLOOR_TEXELS, FLOOR_TEXELS);
+    gl.disable(gl.DEPTH_TEST);
+    gl.disable(gl.BLEND);
+    gl.useProgram(program);
+    gl.uniform1i(at("maps"), UNITS.maps);
+    if (!step) {
+      this.placeFloor(at);
+      gl.uniform3fv(at("above"), floorMap(subject).above);
+      gl.uniform1f(at("thick"), BASE * radiusOf(subject.mesh));
+      gl.uniform1i(at("base"), UNITS.seenDepth);
+      maps.bind(UNITS.seenDepth, maps.base);
+      return;
+    }
+    gl.uniformMatrix4fv(at("toClip"), false, /** @type {Float32Array<ArrayBuffer>} */ (this.toClip));
+    gl.uniform1i(at("step"), step);
+    gl.uniform1i(at("seenDepth"), UNITS.seenDepth);
+    gl.uniform1i(at("seenNormal"), UNITS.seenNormal);
+    bindTexture(gl, UNITS.seenDepth, seen.depth);
+    bindTexture(gl, UNITS.seenNormal, seen.normal);
+  }
+
+  /** @param {WebGLTexture} texture @param {number} width @param {number} height */
+  target(texture, width, height) {
+    const { gl, maps } = this;
+    if (!maps) return;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame ??= gl.createFramebuffer());
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+    gl.viewport(0, 0, width, height);
+  }
+
+  /** Sets where the floor's map is. @param {At} at */
+  placeFloor(at) {
     const { gl, subject } = this;
     if (!subject) return;
     const { corner, alongX, alongY } = floorMap(subject);
     gl.uniform3fv(at("corner"), corner);
     gl.uniform3fv(at("alongX"), alongX);
     gl.uniform3fv(at("alongY"), alongY);
-    this.setFloor(at);
   }
 
-  /** Sets what the mesh's shaders read. @param {(name: string) => WebGLUniformLocation | null} at @param {{width: number, height: number}} size of the canvas */
+  /** Sets what FLOOR_MAP_GLSL reads. @param {At} at */
+  setFloor(at) {
+    const { gl, floor: map, subject } = this;
+    if (!subject) return;
+    const { above, height, floorX, floorY } = floorMap(subject);
+    const floor = subject.tables.floor;
+    gl.uniform4fv(at("floorPlane"), subject.above ? [...above, height] : [0, 0, 0, 0]);
+    gl.uniform3fv(at("floorX"), floorX);
+    gl.uniform3fv(at("floorY"), floorY);
+    gl.uniform1f(at("floorAlbedo"), floor?.albedo ?? 0);
+    gl.uniform1f(at("floorSpread"), Math.sqrt(Math.max(1, this.samples.length / (this.onFloor || 1))));
+    gl.uniform3fv(at("floorRadiance"), floor?.radiance ?? [1, 1, 1]);
+    gl.uniform1i(at("floorMissed"), UNITS.floorMissed);
+    gl.uniform1i(at("floorAway"), UNITS.floorAway);
+    bindTexture(gl, UNITS.floorMissed, map?.[0] ?? null);
+    bindTexture(gl, UNITS.floorAway, map?.[1] ?? null);
+  }
+
+  /** Sets what the shaders of the mesh and of the floor read. @param {At} at @param {{width: number, height: number}} size of the canvas */
   bind(at, { width, height }) {
     const { gl, seen } = this;
     if (!seen) return;
@@ -461,94 +410,29 @@ export class MeshShadows {
     gl.uniform1i(at("missedLight"), UNITS.missed);
     gl.uniform1i(at("openLamps"), UNITS.open);
     gl.uniform1i(at("seenDepth"), UNITS.seenDepth);
-    bindTo(gl, UNITS.missed, gl.TEXTURE_2D, seen.missed);
-    bindTo(gl, UNITS.open, gl.TEXTURE_2D, seen.open);
-    bindTo(gl, UNITS.seenDepth, gl.TEXTURE_2D, seen.depth);
+    gl.uniform1i(at("seenNormal"), UNITS.seenNormal);
+    bindTexture(gl, UNITS.seenNormal, seen.normal);
+    bindTexture(gl, UNITS.missed, seen.missed);
+    bindTexture(gl, UNITS.open, seen.open);
+    bindTexture(gl, UNITS.seenDepth, seen.depth);
   }
 
-  /** @param {WebGLTexture} target @param {number} value */
-  clear(target, value) {
-    const { gl, kept } = this;
-    if (!kept) return;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, kept.frame);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, target, 0);
+  /** @param {WebGLTexture} texture @param {number} value */
+  clear(texture, value) {
+    const { gl } = this;
+    this.target(texture, 1, 1);
     gl.clearColor(value, value, value, value);
     gl.clear(gl.COLOR_BUFFER_BIT);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
   mipmap() {
-    const { gl, kept } = this;
-    bindTo(gl, UNITS.floorMissed, gl.TEXTURE_2D, kept?.floorMissed ?? null);
-    gl.generateMipmap(gl.TEXTURE_2D);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
-  }
-
-  /** @param {number} width @param {number} height @param {number} format */
-  target(width, height, format) {
     const { gl } = this;
-    const texture = gl.createTexture();
-    bindTo(gl, UNITS.missed, gl.TEXTURE_2D, texture);
-    const levels = format === gl.RGBA16F && width === FLOOR_TEXELS && height === FLOOR_TEXELS ? Math.floor(Math.log2(FLOOR_TEXELS)) + 1 : 1;
-    gl.texStorage2D(gl.TEXTURE_2D, levels, format, width, height);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
-    for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
-    return texture;
+    for (const texture of this.floor ?? []) {
+      bindTexture(gl, UNITS.floorMissed, texture);
+      gl.generateMipmap(gl.TEXTURE_2D);
+    }
   }
-
-  /** @param {number} width @param {number} height */
-  depthTexture(width, height) {
-    const { gl } = this;
-    const texture = gl.createTexture();
-    bindTo(gl, UNITS.seenDepth, gl.TEXTURE_2D, texture);
-    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.DEPTH_COMPONENT24, width, height);
-    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
-    return texture;
-  }
-
-  /** @param {number} side @param {number} layers @param {number} format */
-  depthArray(side, layers, format) {
-    const { gl } = this;
-    const texture = gl.createTexture();
-    bindTo(gl, UNITS.maps, gl.TEXTURE_2D_ARRAY, texture);
-    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, format, side, side, layers);
-    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D_ARRAY, name, gl.LINEAR);
-    for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D_ARRAY, name, gl.CLAMP_TO_EDGE);
-    gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_COMPARE_MODE, gl.COMPARE_REF_TO_TEXTURE);
-    return texture;
-  }
-
-  forget() {
-    for (const texture of this.seen ? [this.seen.depth, this.seen.normal, this.seen.missed, this.seen.open] : []) this.gl.deleteTexture(texture);
-    this.seen = null;
-  }
-}
-
-/** @param {WebGL2RenderingContext} gl @param {number} unit @param {number} target @param {WebGLTexture | null} texture */
-function bindTo(gl, unit, target, texture) {
-  gl.activeTexture(gl.TEXTURE0 + unit);
-  gl.bindTexture(target, texture);
-}
-
-/** @param {MeshPacket} mesh @returns {Vec3} */
-const extentOf = ({ low, high }) => /** @type {Vec3} */ (high.map((value, i) => value - (low[i] ?? 0)));
-
-/** Returns the radius of the sphere around the scene's bounds. @param {MeshPacket} mesh */
-const radiusOf = (mesh) => (Math.hypot(...extentOf(mesh)) / 2 || 1) * 1.001;
-
-/** @param {Vec3} a @param {Vec3} b @returns {Vec3} */
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-/** @param {number[]} a @param {number[]} b */
-const dot = (a, b) => a.reduce((sum, value, i) => sum + value * (b[i] ?? 0), 0);
-/** @param {number[]} vector @returns {Vec3} */
-const unit = (vector) => /** @type {Vec3} */ (vector.map((value) => value / (Math.hypot(...vector) || 1)));
-
-/** Returns two unit vectors across a direction. @param {Vec3} way @param {number} turn in radians @returns {[Vec3, Vec3]} */
-function acrossOf(way, turn) {
-  const a = unit(cross(Math.abs(way[1]) < 0.9 ? [0, 1, 0] : [1, 0, 0], way));
-  const b = cross(way, a);
-  const [cosine, sine] = [Math.cos(turn), Math.sin(turn)];
-  return [/** @type {Vec3} */ (a.map((value, i) => cosine * value + sine * (b[i] ?? 0))), /** @type {Vec3} */ (b.map((value, i) => cosine * value - sine * (a[i] ?? 0)))];
 }
 
 /** Returns whether two scenes cast the same shadows, but for textures. @param {Subject} a @param {Subject} b */
@@ -558,110 +442,3 @@ function isSameShape(a, b) {
   return extent.every((value, i) => Math.abs(value - (other[i] ?? 0)) <= SLACK * radiusOf(a.mesh));
 }
 
-/** Golden angle: tiles are turned by it, so that the errors of their texels average out. */
-const TURN = 2.399963;
-
-/** Returns the rows of the projection along a direction onto the sphere around the scene. @param {Vec3} way towards the light @param {number} i @param {number} radius */
-function rowsTowards(way, i, radius) {
-  const [u, v] = acrossOf(way, i * TURN);
-  return [u, v, way.map((value) => -value)].flatMap((axis) => [...axis.map((value) => value / radius), 0]);
-}
-
-/** Returns the matrix of three rows, column by column. @param {number[]} rows */
-const matrixOf = (rows) => Float32Array.from({ length: 16 }, (_, at) => (at % 4 < 3 ? (rows[4 * (at % 4) + (at >> 2)] ?? 0) : at === 15 ? 1 : 0));
-
-/** Vertices that the mean colour is computed from; and the share of it that a textured surface is assumed to reflect. */
-const [SAMPLED, TEXTURED] = [2000, 0.5];
-
-/** Returns the bounds of a part, relative to the mesh's middle, with some room. @param {MeshPacket} mesh @param {MeshPart} part */
-function boxOf(mesh, { first, corners }) {
-  const room = ROOM * radiusOf(mesh);
-  const extent = extentOf(mesh);
-  const [low, high] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
-  for (let i = first; i < first + corners; i++)
-    for (let axis = 0; axis < 3; axis++) {
-      const value = ((mesh.positions[4 * (mesh.indices[i] ?? 0) + axis] ?? 0) / 65535 - 0.5) * (extent[axis] ?? 0);
-      low[axis] = Math.min(low[axis] ?? 0, value - room);
-      high[axis] = Math.max(high[axis] ?? 0, value + room);
-    }
-  return { low, high };
-}
-
-/** Room around a part that shines, in radii of the scene. */
-const ROOM = 0.01;
-
-/** Returns the mean albedo of a mesh's surfaces. @param {MeshPacket} mesh @returns {Vec3} */
-function albedoOf({ colors, indices, parts, materials }) {
-  const sum = /** @type {Vec3} */ ([0, 0, 0]);
-  let count = 0;
-  for (const { first, corners, material } of parts) {
-    const { texture } = /** @type {MeshMaterial} */ (materials[material]);
-    const share = texture < 0 ? 1 : TEXTURED;
-    for (let i = first; i < first + corners; i += Math.max(1, Math.floor(indices.length / SAMPLED))) {
-      count++;
-      for (const k of /** @type {const} */ ([0, 1, 2])) sum[k] += share * ((colors[4 * (indices[i] ?? 0) + k] ?? 0) / 255) ** 2.2;
-    }
-  }
-  return /** @type {Vec3} */ (sum.map((value) => value / (count || 1)));
-}
-
-/** Returns the map of the floor below a scene. @param {Subject} subject */
-function floorMap({ mesh, above }) {
-  const up = above ?? [0, 1, 0];
-  const sizes = up.map(Math.abs);
-  const axis = sizes.indexOf(Math.max(...sizes));
-  const sign = Math.sign(up[axis] ?? 1);
-  const extent = extentOf(mesh);
-  const side = 2 * REACH * radiusOf(mesh);
-  /** @param {number} i @param {number} value @returns {Vec3} */
-  const onAxis = (i, value) => /** @type {Vec3} */ ([0, 1, 2].map((each) => (each === i % 3 ? value : 0)));
-  const height = -(extent[axis] ?? 0) / 2;
-  const [alongX, alongY] = [onAxis(axis + 1, side), onAxis(axis + 2, side)];
-  const corner = onAxis(axis, sign * height).map((value, i) => value - ((alongX[i] ?? 0) + (alongY[i] ?? 0)) / 2);
-  return { corner, alongX, alongY, above: onAxis(axis, sign), height, floorX: onAxis(axis + 1, 1 / side), floorY: onAxis(axis + 2, 1 / side) };
-}
-
-/** Distance of a lamp, in radii of the scene, from which one tile shows the whole scene. */
-const OUTSIDE = 1.15;
-/** Nearest and farthest that a tile of a lamp among the scene shows, in radii. */
-const [NEAREST, FARTHEST] = [0.004, 8];
-
-/** Returns a lamp's place relative to the mesh's middle, with 1, or its direction, with 0. @param {MeshPacket} mesh @param {Lamp} lamp @returns {number[]} */
-function placeOf({ low, high }, { at, far }) {
-  return far ? [...unit(at), 0] : [...at.map((value, i) => value - ((low[i] ?? 0) + (high[i] ?? 0)) / 2), 1];
-}
-
-/** Returns the tiles that show what each lamp sees. @param {MeshPacket} mesh @param {Lamp[]} lamps @returns {{lamp: number, matrix: number[], texel: number}[]} texel: width of a tile, at distance 1 or of parallel light anywhere */
-function lampTilesOf(mesh, lamps) {
-  const radius = radiusOf(mesh);
-  return lamps
-    .flatMap((lamp, number) => {
-      const place = /** @type {Vec3} */ (placeOf(mesh, lamp).slice(0, 3));
-      if (lamp.far) return [{ lamp: number, matrix: [...matrixOf(rowsTowards(place, number, radius))], texel: 2 * radius }];
-      const away = Math.hypot(...place);
-      if (away > OUTSIDE * radius) {
-        const slope = Math.tan(Math.asin(radius / away));
-        return [{ lamp: number, matrix: perspective(place, unit(place.map((value) => -value)), slope, away - radius, away + radius), texel: 2 * slope }];
-      }
-      return [0, 1, 2].flatMap((axis) =>
-        [1, -1].flatMap((sign) => {
-          const forward = /** @type {Vec3} */ ([0, 1, 2].map((i) => (i === axis ? sign : 0)));
-          if (dot(lamp.axis, lamp.axis) > 0 && dot(lamp.axis, forward) < -0.99) return []; // a lamp that shines to one side
-          return [{ lamp: number, matrix: perspective(place, forward, 1, NEAREST * radius, FARTHEST * radius), texel: 2 }];
-        }),
-      );
-    })
-    .slice(0, MOST_LAMP_TILES);
-}
-
-/** Returns the matrix of a camera, column by column. @param {Vec3} from @param {Vec3} forward unit vector @param {number} slope tangent of half its field of view @param {number} near @param {number} far */
-function perspective(from, forward, slope, near, far) {
-  const [u, v] = acrossOf(forward, 0);
-  const rows = [
-    [...u.map((value) => value / slope), -dot(u, from) / slope],
-    [...v.map((value) => value / slope), -dot(v, from) / slope],
-    [...forward.map((value) => (value * (far + near)) / (far - near)), (-dot(forward, from) * (far + near)) / (far - near) - (2 * far * near) / (far - near)],
-    [...forward, -dot(forward, from)],
-  ];
-  return Array.from({ length: 16 }, (_, at) => rows[at % 4]?.[at >> 2] ?? 0);
-}

@@ -1,0 +1,66 @@
+/** What the mirrors of a preview mesh show of the scene: its other surfaces, drawn once from its middle into the six sides of a cube. */
+
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
+/** @typedef {import("../news/mesh-packet.js").MeshMaterial} MeshMaterial */
+
+/** Side length in texels. */
+const SIDE = 128;
+/** Bounds of the depths, in radii of the scene. */
+const [NEAR, FAR] = [0.01, 2.1];
+/** Least reflectance, and greatest roughness, of a surface that shows other surfaces. */
+const [REFLECTS, ROUGH] = [0.15, 0.6];
+/** To a side, the directions that are to the right, up and forward in it, as OpenGL has them. */
+const SIDES = /** @type {[Vec3, Vec3, Vec3][]} */ ([
+  [[0, 0, -1], [0, -1, 0], [1, 0, 0]],
+  [[0, 0, 1], [0, -1, 0], [-1, 0, 0]],
+  [[1, 0, 0], [0, 0, 1], [0, 1, 0]],
+  [[1, 0, 0], [0, 0, -1], [0, -1, 0]],
+  [[1, 0, 0], [0, -1, 0], [0, 0, 1]],
+  [[-1, 0, 0], [0, -1, 0], [0, 0, -1]],
+]);
+
+/** Returns whether a surface shows the others, and is left out of what it shows. @param {MeshMaterial} material */
+export const isMirror = ({ metallic, roughness, f0, transmission }) => transmission > 0 || (roughness < ROUGH && (metallic > 0.5 || Math.max(...f0) > REFLECTS));
+
+/**
+ * Draws the scene as its mirrors see it.
+ *
+ * @param {WebGL2RenderingContext} gl
+ * @param {number} radius of the scene
+ * @param {(toClip: Float32Array<ArrayBuffer>) => void} draw
+ * @returns {WebGLTexture} bound to the active unit
+ */
+export function mirrorTexture(gl, radius, draw) {
+  const unit = gl.getParameter(gl.ACTIVE_TEXTURE);
+  const texture = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_CUBE_MAP, texture);
+  gl.texStorage2D(gl.TEXTURE_CUBE_MAP, Math.log2(SIDE) + 1, gl.RGBA8, SIDE, SIDE);
+  gl.texParameteri(gl.TEXTURE_CUBE_MAP, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+  const frame = gl.createFramebuffer();
+  const depth = gl.createRenderbuffer();
+  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+  gl.bindRenderbuffer(gl.RENDERBUFFER, depth);
+  gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, SIDE, SIDE);
+  gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, depth);
+  gl.clearColor(0, 0, 0, 0);
+  SIDES.forEach(([right, up, forward], side) => {
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_CUBE_MAP_POSITIVE_X + side, texture, 0);
+    gl.viewport(0, 0, SIDE, SIDE);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    draw(projection(right, up, forward, NEAR * radius, FAR * radius));
+  });
+  gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  gl.deleteFramebuffer(frame);
+  gl.deleteRenderbuffer(depth);
+  gl.activeTexture(unit);
+  gl.bindTexture(gl.TEXTURE_CUBE_MAP, texture);
+  gl.generateMipmap(gl.TEXTURE_CUBE_MAP);
+  return texture;
+}
+
+/** Returns the matrix, column by column, of a view of 90 degrees from the middle. @param {Vec3} right @param {Vec3} up @param {Vec3} forward @param {number} near @param {number} far */
+function projection(right, up, forward, near, far) {
+  const depth = (far + near) / (far - near);
+  const rows = [[...right, 0], [...up, 0], [...forward.map((value) => depth * value), (-2 * far * near) / (far - near)], [...forward, 0]];
+  return Float32Array.from({ length: 16 }, (_, at) => rows[at % 4]?.[at >> 2] ?? 0);
+}
