@@ -6,7 +6,7 @@ import { bytes } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { addEnvironment, dropEnvironment, environments, loadEnvironments } from "../news/environments.js";
 import { known } from "../news/settings-table.js";
-import { LIGHT_FILES, registerLightReceiver } from "../shell/light-drop.js";
+import { LIGHT_FILES } from "../shell/light-drop.js";
 import { moreButton } from "../shell/more-button.js";
 import { announce, showError } from "../shell/tray.js";
 import { field, numberInput, numberOf, setShown } from "./fields.js";
@@ -26,6 +26,7 @@ import { t } from "../base/words.js";
  * @property {() => {elevation: number, azimuth: number} | null} sun where it is seen, the light's rotation included; null: no clear sky
  * @property {(sun: {elevation: number, azimuth: number}, isDone: boolean) => void} stand puts it there, under a clear sky
  * @property {(id: string) => void} choose a light, as by its picture
+ * @property {(file: File) => void} add uploads an image, and chooses it
  * @property {() => () => void} keep the light as it is now; gives what takes it back
  */
 
@@ -181,10 +182,9 @@ export function environmentFields(first, isLightless) {
     pick(kind);
   });
   if (!environments.value) loadEnvironments().catch((error) => setText(hint, error.message));
-  const drops = registerLightReceiver((file) => void add(file));
   return {
     element,
-    dispose: () => (listen(), drops(), more.dispose()),
+    dispose: () => (listen(), more.dispose()),
     handle: lightHandle(),
     get: () => ({
       ...Object.fromEntries(
@@ -218,6 +218,7 @@ export function environmentFields(first, isLightless) {
         tell(isDone);
       },
       choose: (id) => (pick(id), tell(true)),
+      add: (file) => void add(file),
       sun: () => (isSky() ? { elevation: numberOf(elevation, 0), azimuth: numberOf(azimuth, 0) - numberOf(rotation, 0) } : null),
       stand(sun, isDone) {
         const tenths = (/** @type {number} */ value) => Math.round(value * 10) / 10;

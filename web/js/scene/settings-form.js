@@ -165,6 +165,7 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
       sun: () => parts.others.lightHandle.sun(),
       stand: (...sun) => parts.others.lightHandle.stand(...sun),
       choose: (id) => parts.others.lightHandle.choose(id),
+      add: (file) => parts.others.lightHandle.add(file),
       keep: () => parts.others.lightHandle.keep(),
     },
     dispose: () => (parts.others.dispose(), queue.dispose()),

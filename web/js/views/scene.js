@@ -19,6 +19,7 @@ import { homeCamera } from "../forms/camera-fields.js";
 import { START } from "../forms/view-fields.js";
 import { keepFirstLook, prepareLook } from "../film/first-look.js";
 import { firstFrame } from "../base/shot-words.js";
+import { registerLightReceiver } from "../shell/light-drop.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
@@ -63,6 +64,8 @@ export function sceneView(id) {
   const own = new Disposer(); // of the part
   /** The steps of an upload, until its first picture. */
   const steps = prepareSteps(id);
+  /** @type {Dropped} */
+  const dropped = { light: null };
   life.add(() => (own.dispose(), (part = null)));
   life.add(
     scenes.subscribe((all) => {
@@ -77,12 +80,12 @@ export function sceneView(id) {
           own.dispose();
           const isFirst = part === null;
           const mine = (part = { status: scene.status, update: (/** @type {Scene} */ _) => {} });
-          const open = () => (mine.update = { preparing, failed, ready }[scene.status](element, scene, own, steps));
+          const open = () => (mine.update = { preparing, failed, ready }[scene.status](element, scene, own, steps, dropped));
           // A view that takes the graphics card for seconds must not hold up the page: its outline is drawn first.
           if (isFirst && scene.status === "ready") {
             element.classList.add("workspace");
             own.add(() => element.classList.remove("workspace"));
-            fill(element, heading(scene), outline(scene, own, steps));
+            fill(element, heading(scene), outline(scene, own, steps, dropped));
             beginView(() => part === mine && (own.dispose(), open()));
           } else open();
         }
@@ -121,10 +124,17 @@ function heading(scene) {
   );
 }
 
-/** The form of a scene that is not shown yet, in which nothing can be chosen. @param {Scene} scene @param {Disposer} life @param {HTMLElement | null} status in place of the cost */
-function waitingSide(scene, life, status) {
+/** An image dropped before there is a form that can take it. @typedef {{light: File | null}} Dropped */
+
+/**
+ * The form of a scene that is not shown yet, in which nothing can be chosen.
+ *
+ * @param {Scene} scene @param {Disposer} life @param {Dropped} dropped @param {HTMLElement | null} status in place of the cost
+ */
+function waitingSide(scene, life, dropped, status) {
   const form = settingsForm(scene, async () => {}, null, false, status);
   life.add(form.dispose);
+  life.add(registerLightReceiver((file) => (dropped.light = file)));
   const isUnknown = scene.status === "preparing" && SETTINGS_FILE.test(scene.main ?? "");
   return h(
     "div",
@@ -134,8 +144,8 @@ function waitingSide(scene, life, status) {
   );
 }
 
-/** A scene's page before its view: its poster or thumbnail, unless another view is asked for, and the steps of an upload. @param {Scene} scene @param {Disposer} life @param {Steps} steps */
-function outline(scene, life, steps) {
+/** A scene's page before its view: its poster or thumbnail, unless another view is asked for, and the steps of an upload. @param {Scene} scene @param {Disposer} life @param {Steps} steps @param {Dropped} dropped */
+function outline(scene, life, steps, dropped) {
   const { id, thumbnail, defaults } = scene;
   const surface = h("div", { class: "live-view" });
   const isOwnView = !["view", "like", "light"].some((name) => here().params.has(name));
@@ -149,7 +159,7 @@ function outline(scene, life, steps) {
     "div",
     { class: "workspace-columns" },
     h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, h("div", { class: "live-view-box" }, frame))),
-    waitingSide(scene, life, null),
+    waitingSide(scene, life, dropped, null),
   );
 }
 
@@ -160,9 +170,10 @@ function outline(scene, life, steps) {
  * @param {Scene} scene
  * @param {Disposer} life
  * @param {Steps} steps
+ * @param {Dropped} dropped
  * @returns {(scene: Scene) => void}
  */
-function preparing(page, scene, life, steps) {
+function preparing(page, scene, life, steps, dropped) {
   const chip = stateChip("preparing");
   const step = h("p", { class: "quiet small", "aria-live": "polite" });
   const bar = progressBar(t("Preparing"));
@@ -183,7 +194,7 @@ function preparing(page, scene, life, steps) {
       "div",
       { class: "workspace-columns" },
       h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, view.element)),
-      waitingSide(draftOf(scene), life, status),
+      waitingSide(draftOf(scene), life, dropped, status),
     ),
   );
   return (next) => {
@@ -246,9 +257,10 @@ function failed(page, scene, life) {
  * @param {Scene} scene
  * @param {Disposer} life
  * @param {Steps} steps
+ * @param {Dropped} dropped
  * @returns {(scene: Scene) => void}
  */
-function ready(page, scene, life, steps) {
+function ready(page, scene, life, steps, dropped) {
   const path = here().path.join();
   const notice = h("div", { class: "notice-slot" });
   let isStarting = false; // the page stays as it is until the job's is shown
@@ -279,6 +291,9 @@ function ready(page, scene, life, steps) {
     setParams({ light: null }); // the choice is the form's from now on
     form.light.choose("studio");
   }
+  life.add(registerLightReceiver(form.light.add));
+  if (dropped.light) form.light.add(dropped.light);
+  dropped.light = null;
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => form.update()));
   life.add(
