@@ -15,7 +15,6 @@ from renderer.scene.description import SceneDescription
 from tests.benchmarks import bench_hard
 from tests.benchmarks.hard import renders
 from tests.benchmarks.hard.blender_scene import BlenderScene, blender_scene
-from tests.benchmarks.hard.contestants import CONTESTANTS
 from tests.benchmarks.hard.luxcore_scene import luxcore_meshes, scene_properties
 from tests.benchmarks.hard.rayfarm_files import HardCase, case_of
 from tests.benchmarks.hard.renders import Reference, Render, reference_of
@@ -303,8 +302,3 @@ def test_unknown_names_are_error_messages(monkeypatch: pytest.MonkeyPatch, capsy
         with pytest.raises(SystemExit):
             bench_hard.main()
         assert words in capsys.readouterr().err
-
-
-def test_contestants_have_programs() -> None:
-    folder = Path(renders.__file__).parent
-    assert all((folder / f"{contestant.program}.py").exists() for contestant in CONTESTANTS.values())

@@ -357,7 +357,7 @@ SURVEY: dict[str, Survey] = {
     "holdout-collection": (_held, "holdout", "holdout"),
     "shadow-catcher": (_thing(is_shadow_catcher=True), "shadow catcher", "shadow catcher"),
     "hidden": (_hidden, "", ""),
-    "light-linking": (_linked, "inking", "inking"),
+    "light-linking": (_linked, "inking", ""),
     "light-nodes": (_lights_of_nodes, "nodes", "nodes"),
     "world-unseen": (_dark_world, "World", "World"),
     "world-volume": (_foggy, "volume", "volume"),

@@ -164,7 +164,9 @@ def test_blend_reader_supports_or_reports_each_feature(
         assert_said(word, found.warnings)
         return
     theirs = image(folder / f"{name}-cycles.exr")
-    settings = RenderSettings(theirs.shape[1], theirs.shape[0], found.cameras[0].view, max_depth=14, filter="box")
+    background = found.defaults.get("background", "visible")
+    view = found.cameras[0].view
+    settings = RenderSettings(theirs.shape[1], theirs.shape[0], view, max_depth=14, filter="box", background=background)
     ours = mean(render_frame(compile_scene(found), settings, SAMPLES), settings.film_exponent)[..., :3]
     assert_same_pictures(name, ours, theirs)
 

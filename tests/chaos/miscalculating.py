@@ -15,9 +15,9 @@ EVERY = 5
 _exact = render.render_batch
 
 
-def spoiled(scene: Any, settings: Any, tile: Any, first: int, count: int) -> Any:
+def spoiled(*arguments: Any, **options: Any) -> Any:
     """Renders a batch as `render_batch` does, and flips one bit in the sums of every fifth batch."""
-    found = _exact(scene, settings, tile, first, count)
+    found = _exact(*arguments, **options)
     spoiled.made += 1  # type: ignore[attr-defined]
     if spoiled.made % EVERY:  # type: ignore[attr-defined]
         return found

@@ -259,6 +259,23 @@ def test_scene_page_has_its_form_while_scene_is_prepared(page: Page) -> None:
 
 
 @pytest.mark.long
+def test_image_dropped_while_scene_is_prepared_lights_it(page: Page) -> None:
+    added = {"id": "e", "name": "porch.exr", "help": "", "kind": "image", "environment": {"image": "e"}, "thumbnail": ""}
+    page.route("**/api/environments*", lambda route: route.fulfill(json=added if route.request.method == "POST" else [added]))
+    page.evaluate("document.body.innerHTML = '<div id=tray></div><div id=announcer></div><div id=upload-place></div>';")
+    ready = {**SCENE, "status": "ready", "counts": {}, "bytes": 1, "warnings": [], "main": "a.obj"}
+    body = """
+        const farm = await import('/js/news/farm.js');
+        const { offerLight } = await import('/js/shell/light-drop.js');
+        farm.scenes.set([{ ...a.scene, status: "preparing" }]);
+        document.body.replaceChildren(m.sceneView(a.scene.id).element);
+        offerLight([new File(["x"], "porch.exr")]);
+        farm.scenes.set([a.scene]);"""
+    call(page, "views/scene", TOLD + body, {"scene": ready, "table": described(settings.SETTINGS)})
+    expect(page.get_by_role("radio", name="porch")).to_be_checked()
+
+
+@pytest.mark.long
 def test_side_is_requested_as_view(page: Page) -> None:
     open_form(page, scene={**SCENE, "bounds": [[-1, -1, -1], [1, 1, 1]]})
     page.get_by_label("Camera", exact=True).select_option(label="From the front")

@@ -64,6 +64,7 @@ def test_animated_example_shows_duration_and_opens_as_shot(page: Page) -> None:
     told = {"name": "toy", "title": "A toy", "description": "It moves.", "scenes": []}
     page.route("**/api/examples", lambda route: route.fulfill(json=[{**told, "frames": "0-95", "fps": 24}]))
     page.route("**/api/examples/toy", lambda route: route.fulfill(json={**MOVES, "id": "abc"}))
+    page.evaluate("document.body.innerHTML = '<div id=upload-place></div>';")  # which the home view moves into itself
     call(page, "news/farm", "m.scenes.set([]);")  # examples are listed after scenes
     call(page, "views/home", "document.body.replaceChildren(m.homeView().element);")
     expect(page.locator(".badge")).to_have_text("4 s")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-import pytest
-
 from tests.helpers import ROOT
 
 SHEETS = {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / "web" / "css").glob("*.css"))}
@@ -22,21 +20,21 @@ def _values(sheet: str, name: str) -> list[str]:
     return re.findall(rf"(?:^|[\s;{{]){name}:\s*([^;}}]+)", SHEETS[sheet])
 
 
-@pytest.mark.parametrize("sheet", SHEETS)
-def test_sizes_weights_and_radii_are_in_scale(sheet: str) -> None:
-    sizes = [value for value in _values(sheet, "font-size") if not SIZE.fullmatch(value)]
-    if sheet == "base.css":
-        sizes = [value for value in sizes if not ROOT_SIZE.fullmatch(value)]
-    assert sizes == []
-    assert set(_values(sheet, "font-weight")) <= {"400", "500", "600", "400 600", "inherit"}
-    radii = [part for value in _values(sheet, r"border(?:-[a-z]+)*-radius") for part in value.split()]
-    assert [part for part in radii if not RADIUS.fullmatch(part)] == []
+def test_sizes_weights_and_radii_are_in_scale() -> None:
+    for sheet in SHEETS:
+        sizes = [value for value in _values(sheet, "font-size") if not SIZE.fullmatch(value)]
+        if sheet == "base.css":
+            sizes = [value for value in sizes if not ROOT_SIZE.fullmatch(value)]
+        assert sizes == [], sheet
+        assert set(_values(sheet, "font-weight")) <= {"400", "500", "600", "400 600", "inherit"}, sheet
+        radii = [part for value in _values(sheet, r"border(?:-[a-z]+)*-radius") for part in value.split()]
+        assert [part for part in radii if not RADIUS.fullmatch(part)] == [], sheet
 
 
-@pytest.mark.parametrize("sheet", sorted(SHEETS.keys() - {"tokens.css"}))
-def test_paddings_margins_and_gaps_are_on_the_grid(sheet: str) -> None:
-    off = [value for value in _values(sheet, SPACE) if set(LENGTH.findall(value)) - {"1px"}]
-    assert [value for value in off if "calc(" not in value] == ([INLINE_CODE] if sheet == "base.css" else [])
+def test_paddings_margins_and_gaps_are_on_the_grid() -> None:
+    for sheet in SHEETS.keys() - {"tokens.css"}:
+        off = [value for value in _values(sheet, SPACE) if set(LENGTH.findall(value)) - {"1px"}]
+        assert [value for value in off if "calc(" not in value] == ([INLINE_CODE] if sheet == "base.css" else []), sheet
 
 
 def test_every_step_of_spacing_is_defined_and_used() -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from renderer import aovs
 from renderer.errors import SettingsError
 from renderer.frames import frames_text, parse_frames
+from tests.helpers import ROOT
 from tests.page.node import Node
 
 
@@ -106,7 +109,7 @@ def test_service_errors_are_shown_in_german(german: Node) -> None:
         '"code": "upload-without-files", "params": {}}'
     )
     told = german.call("news/api", "return m.errorOf(507, a).message;", problem)
-    assert told == "Der Upload ist leer. Die Dateien wählen, die hinzukommen sollen."
+    assert told == json.loads((ROOT / "web/words/service.de.json").read_text(encoding="utf-8"))["upload-without-files"]
 
 
 def test_channels_equal_service_list(node: Node) -> None:

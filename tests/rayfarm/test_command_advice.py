@@ -20,7 +20,8 @@ PLACE = re.compile(r"\{(\w+)\}")
 def advising_requests() -> Iterator[tuple[str, set[str]]]:
     """Yields the code and the parameters of each sentence of the service whose text advises a request."""
     for path in (ROOT / "service").rglob("*.py"):
-        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        source = path.read_text(encoding="utf-8")
+        for call in ast.walk(ast.parse(source)) if REQUEST.search(source) else ():
             if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Sentence":
                 texts = [each.value for each in call.args if isinstance(each, ast.Constant)]
                 if len(texts) == 2 and REQUEST.search(texts[1]):

@@ -68,21 +68,18 @@ def test_every_setting_is_read_from_file(name: str, monkeypatch: pytest.MonkeyPa
     values = {
         "allowed_hosts": '["farm.example"]',
         "blobs": "s3://bucket/prefix",
-        "https_workers": "false",
         "login": "always",
         "oidc_role": "submit",
         "oidc_roles": '{"artists": "submit"}',
-        "print_link": "true",
-        "oidc_logout": "false",
         "redis_url": "redis://:x@queue.example:6379/0",
-        "reuse_films": "false",
         "trusted_proxies": "127.0.0.1 10.0.0.0/8",
         "verify": "1",
         "webhooks": '["https://studio.example/rayfarm"]',
         "webhook_secret": "whsec_C2FVsBQIhrscChlQIMV+b5sSYspob7oD",
         "data": str(tmp_path / "farm"),
     }
-    value, default = values.get(name, "8"), getattr(Settings.read(), name)
+    default = getattr(Settings.read(), name)
+    value = values.get(name, str(not default) if isinstance(default, bool) else "8")
     file = tmp_path / "value"
     file.write_text(f"{value}\n")
     monkeypatch.setenv(f"RAYFARM_{name.upper()}", value)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
+
 import numpy as np
 import pytest
 
 from renderer.bvh.build import build
 from renderer.bvh.instances import Instances
-from tests.grids import grid
 from tests.renderer.bvh.rays import NO_SPHERES, trace
 
 RAYS = 4000
@@ -29,15 +32,24 @@ def _place(turned: bool, at: tuple[float, float, float], scale: float) -> np.nda
     return np.column_stack([scale * np.sign(np.linalg.det(matrix)) * matrix, at])
 
 
-@grid("space", ["world", "instance", "scaled", "both"])
-@pytest.mark.parametrize("turned", [False, True])
-@grid(
-    "at",
-    [(0.0, 0.0, 0.0), (2.0, 1.0, -3.0), (50.0, 30.0, 40.0), (1000.0, -300.0, 2000.0)],
-    ordinary=((2.0, 1.0, -3.0), (50.0, 30.0, 40.0)),
-)
-@pytest.mark.parametrize(("front", "back"), [((1, 0), (1, 0)), ((1, 0), (1, 1)), ((1, 0), (4, 1)), ((3, 0), (7, 1))])
-@pytest.mark.parametrize("swapped", [False, True])
+SPACES = ("world", "instance", "scaled", "both")
+PLACES = ((0.0, 0.0, 0.0), (2.0, 1.0, -3.0), (50.0, 30.0, 40.0), (1000.0, -300.0, 2000.0))
+# (steps, diagonal) of both faces.
+TESSELLATIONS = (((1, 0), (1, 0)), ((1, 0), (1, 1)), ((1, 0), (4, 1)), ((3, 0), (7, 1)))
+
+
+def _cases() -> Iterator[Any]:
+    """Yields an orthogonal array of parameters: with --long all triples of values, always all pairs.
+
+    Numbers of values are elements of the field of four, whose addition is the exclusive or.
+    """
+    for space, at, order in product(range(4), repeat=3):
+        is_ordinary = order == (0, 2, 3, 1)[space] ^ (0, 3, 1, 2)[at]
+        values = SPACES[space], bool(order & 1), PLACES[at], *TESSELLATIONS[space ^ at ^ order], bool(order & 2)
+        yield pytest.param(*values, marks=() if is_ordinary else pytest.mark.long)
+
+
+@pytest.mark.parametrize(("space", "turned", "at", "front", "back", "swapped"), list(_cases()))
 def test_coincident_faces_hit_the_front_facing_one(space, turned, at, front, back, swapped):
     whole = _place(turned, at, 1.0)
     scale = 3.7 if space in ("scaled", "both") else 1.0

@@ -13,7 +13,6 @@ from renderer.errors import SceneError
 from renderer.scene.description import Image, SceneDescription, Texture
 from renderer.scene.material import PARAMETERS, Material
 from renderer.scene.material_packing import pack
-from tests.helpers import ROOT
 from tests.renderer.scene.builders import Gltf
 
 COUNT = {"color": 3, "radiance": 3, "triple": 3, "pair": 2}
@@ -50,13 +49,6 @@ def test_no_two_parameters_share_a_column_or_a_slot():
     assert sorted([*slots, rows.EMISSION_TEXTURE]) == list(
         range(rows.SLOTS)
     )  # emission texels have a scale, so this slot is filled separately
-
-
-def test_parameter_descriptions_appear_in_the_schema():
-    properties = json.loads((ROOT / "docs" / "scene-schema.json").read_text())["$defs"]["material"]["properties"]
-    assert properties["thin"] == {"description": "A pane, which does not refract.", "type": "boolean"}
-    assert properties["normal_scale"] == {"type": "number", "minimum": -100, "maximum": 100}
-    assert properties["attenuation_distance"] == {"type": "number", "exclusiveMinimum": 0}
 
 
 @pytest.mark.parametrize("parameter", NUMBERS, ids=lambda p: p.name)
