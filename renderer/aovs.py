@@ -396,7 +396,7 @@ _ALL = {
     ),
     "position": _Aov(
         "Position",
-        "Where the first surface is, in the world",
+        "World position of the first surface",
         ("Position.X", "Position.Y", "Position.Z"),
         _XYZ,
         _normalized,

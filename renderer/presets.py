@@ -24,7 +24,7 @@ class Preset(NamedTuple):
 PRESETS = {
     "studio": Preset("Studio", "Soft boxes left, right and above, over a floor that brightens towards the horizon."),
     "dark-studio": Preset("Dark studio", "Two long strip lights and a rim in a black room: for metal, glass and paint."),
-    "even-white": Preset("Even white", "The same white from every direction: no shadow has an edge."),
+    "even-white": Preset("Even white", "Uniform white from every direction: no hard shadows."),
     "overcast": Preset("Overcast", "A cloudy day: three times brighter above than at the horizon, and no sun."),
     "low-sun": Preset("Low sun", "A clear sky, the sun low on one side: warm, with long shadows.", (8.0, 110.0)),
     "morning": Preset("Morning", "A clear sky, the sun a quarter of its way up.", (22.0, 125.0)),

@@ -105,7 +105,7 @@ class ShotWork:
         Setting(1e-3, 1e7),
         SettingTexts(
             "Turntable",
-            "The camera circles its target once in this many seconds.",
+            "Time in which the camera circles its target once.",
             "s",
             section="Time",
             phrase="around in {} s",

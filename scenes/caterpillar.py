@@ -22,7 +22,7 @@ from scene_text import Scene, Shape, sphere, text_of
 __all__ = ["files"]
 
 HERE = Path(__file__).parent
-COMMENT = "A shot of four seconds: a top runs around a toy caterpillar, which watches it as far as its neck turns."
+COMMENT = "A four-second shot: a spinning top circles a toy caterpillar, which turns its head after it."
 GENERATOR = "scenes/caterpillar.py"
 MOMENTS = np.arange(FRAMES) / FPS
 

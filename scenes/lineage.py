@@ -196,9 +196,9 @@ def rest_of_your_life() -> Scene:
 
 
 SCENES = (
-    ("smallpt.yaml", smallpt, "The box of nine spheres of smallpt, 99 lines that taught many what a path is."),
+    ("smallpt.yaml", smallpt, "The box with nine spheres of smallpt, a path tracer in 99 lines."),
     ("course-project.yaml", course_project, "Blinn-Phong, mirror and glass for Whitted ray tracing beside path tracing."),
-    ("games101-7.yaml", games101, "The measured Cornell box as a course's assignment has it."),
+    ("games101-7.yaml", games101, "The measured Cornell box, as used in course assignments."),
     (
         "rest-of-your-life.yaml",
         rest_of_your_life,

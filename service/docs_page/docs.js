@@ -20,7 +20,7 @@ function resolve(schema, api) {
   return schema.$ref.slice(2).split("/").reduce((at, key) => at[key], api);
 }
 
-/** "Light from around" is at #light-from-around. */
+/** "Environment light" is at #light-from-around. */
 const anchorOf = (tag) => tag.toLowerCase().replaceAll(" ", "-");
 
 /** A schema's type in a few words. */

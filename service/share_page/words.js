@@ -6,7 +6,7 @@ const WORDS = {
     save: "Save PNG", none: "No picture yet.", lost: "No connection. Trying again …", frame: "Frame", until: "Link valid until",
     gone: "This link has expired or was withdrawn. Ask for a new one.", samples: "samples per pixel",
     notes: "Notes", add: "Add note", text: "New note", name: "Your name", saveNote: "Save note", cancel: "Cancel", pin: "Pin",
-    whole: "About the whole picture. Click it to pin the note to a place.", pinned: "Pinned. Click the picture to move the pin.",
+    whole: "Applies to the whole picture. Click the picture to pin the note to a place.", pinned: "Pinned. Click the picture to move the pin.",
     draft: "New note's pin: move it with the arrow keys", noNotes: "No notes yet.", guest: "guest", reply: "Reply", resolve: "Resolve",
     reopen: "Open again", resolved: "Resolved", by: "Resolved by {name}", approve: "Approve", change: "Ask for changes",
     approved: "Approved by {name}", "changes-requested": "Changes requested by {name}", place: "Note {n}: show its place", pinOf: "Note {n} by {name}: {text}",

@@ -45,7 +45,7 @@ def test_pixel_explanation_is_drawn_over_picture(farm: Farm, finished: str, watc
     panel = page.get_by_role("region", name="Explained pixel")
     page.get_by_role("button", name=f"Explain the pixel {x}, {y}").click()
     expect(panel.get_by_role("heading")).to_have_text(f"Pixel {x}, {y} explained")
-    expect(panel).to_contain_text("Their sum equals that of the picture exactly.")
+    expect(panel).to_contain_text("Their sum equals the picture exactly.")
     expect(panel.get_by_role("radio")).to_have_count(len(told["paths"]))
     bright = next(path for path in told["paths"] if "brightest" in path["chosen"])
     panel.get_by_role("radio", name="Brightest").check()

@@ -80,7 +80,7 @@ def test_scene_uses_selected_and_dropped_environment(watched: Watched, farm: Far
     page.get_by_label("Strength", exact=True).fill("2")
     render(page)
     expect(page.locator(".facts")).to_contain_text("Clear sky, sun at 3")
-    expect(page.locator(".facts")).to_contain_text("° height, 0°, strength 2")
+    expect(page.locator(".facts")).to_contain_text("° elevation, 0°, strength 2")
     page.get_by_role("tab", name="Info").click()
     page.get_by_role("link", name="Render with other settings").click()
     expect(page.get_by_role("radio", name="Clear sky")).to_be_checked()

@@ -85,7 +85,7 @@ def test_administrator_adds_and_removes_users(service: Service, watched: Watched
         expect(users.get_by_role("status")).to_contain_text("#/login?code=rayfarm-link-")
         users.get_by_label("Role of ben").select_option("view")
         tokens = page.locator("section", has=page.get_by_role("heading", name="Tokens"))
-        tokens.get_by_label("What it is for").fill("nightly")
+        tokens.get_by_label("Purpose").fill("nightly")
         tokens.get_by_role("button", name="Create a token").click()
         expect(tokens.get_by_role("status")).to_contain_text("rayfarm-token-")
         secret = tokens.get_by_role("status").locator("code").inner_text()

@@ -82,7 +82,7 @@ def test_file_that_needs_blender_says_what_to_do(farm: Farm, watched: Watched) -
     notice = page.locator(".live-view-frame .empty")
     expect(notice).to_contain_text("This file needs Blender")
     expect(notice).to_contain_text("farm.py up --blender")
-    expect(page.locator(".preparing-panel > p")).to_have_text("Waits for a worker with Blender …")
+    expect(page.locator(".preparing-panel > p")).to_have_text("Waiting for a worker with Blender …")
     expect(page.locator(".view-pills > p")).to_be_hidden()
     page.request.delete(f"{farm.url}/api/scenes/{page.url.partition('/scenes/')[2].partition('?')[0]}")
     assert watched.errors == []

@@ -86,7 +86,7 @@ def test_project_menu_filters_lists_for_members(
         page.goto(f"{service.url}/#/")
         scene = owner.get("/api/scenes", params={"project": ""}).json()[0]["id"]
         owner.delete(f"/api/scenes/{scene}").raise_for_status()
-        expect(page.get_by_text("There is nothing to look at yet")).to_be_visible()
+        expect(page.get_by_text("Nothing here yet")).to_be_visible()
 
 
 def _projects(owner: httpx.Client) -> dict[str, str]:
@@ -131,7 +131,7 @@ def test_administrator_manages_projects_and_limits(service: Service, watched: Wa
             "she has limits",
             say=lambda: _limits(owner, "user:anna"),
         )
-        expect(limits.get_by_text("limits of its own")).to_have_count(1)
+        expect(limits.get_by_text("own limits")).to_have_count(1)
         limits.get_by_role("button", name="For anna as for everybody").click()
         until(lambda: _limits(owner, "user:anna") == (None, None, None), "she has none")
         limits.get_by_role("button", name="Limit a token too").click()

@@ -146,7 +146,7 @@ def test_comparison_lists_differences_of_settings(page: Page) -> None:
     jobs = {"left": left, "right": right, "table": described(table(Sparkling))}
     rows = call(page, "compare/job-differences", TOLD + "return m.differences(a.left, a.right);", jobs)
     assert [(row["label"], row["a"], row["b"]) for row in rows] == [
-        ("Light from around", "The scene's own", "One colour, #ffbc89, turned by 30°, strength 2"),
+        ("Environment light", "The scene's own", "One colour, #ffbc89, turned by 30°, strength 2"),
         ("Integrator", "Path tracing", "Ambient occlusion"),
         ("Seed", "0", "7"),
         ("Sparkle", "dull", "1.235"),
@@ -161,7 +161,7 @@ def test_comparison_lists_differences_of_settings(page: Page) -> None:
         return m.sideNames(side(a.left), side(a.right));"""
     )
     assert call(page, "compare/job-differences", body, jobs) == [
-        "its own light, Path tracing",
+        "light of the file, Path tracing",
         "One colour, #ffbc89, turned by 30°, strength 2, Ambient occlusion",
     ]
 
@@ -191,12 +191,12 @@ def test_comparison_lists_differences_of_scene_versions(page: Page) -> None:
         [],
         [
             {"label": "Materials", "a": "as saved", "b": "night (2)"},
-            {"label": "Light from around", "a": "The scene's own", "b": "Clear sky, sun at 35° height, 0°"},
+            {"label": "Environment light", "a": "The scene's own", "b": "Clear sky, sun at 35° elevation, 0°"},
         ],
         [{"label": "Materials", "a": "as saved", "b": "beach"}],
         [
             {"label": "Materials", "a": "as saved", "b": "night (2)"},
-            {"label": "Light from around", "a": "The scene's own", "b": "Clear sky, sun at 35° height, 270°"},
+            {"label": "Environment light", "a": "The scene's own", "b": "Clear sky, sun at 35° elevation, 270°"},
         ],
     ]
 

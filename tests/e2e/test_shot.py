@@ -175,7 +175,7 @@ def test_failed_frame_is_shown_and_frame_is_prioritized(farm: Farm, watched: Wat
     page.goto(f"{farm.url}/#/jobs/{other}")
     strip_cell(page, 3).click()
     page.keyboard.press("Enter")
-    expect(page.get_by_role("button", name="Is rendered first")).to_be_disabled()
+    expect(page.get_by_role("button", name="Rendered first")).to_be_disabled()
     assert job_json(farm, other)["shot"]["first"] == 3
     httpx.delete(f"{farm.url}/api/jobs/{other}").raise_for_status()
     # The browser reports the refused film of the failed frame; the page shows the reason.

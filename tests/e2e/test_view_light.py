@@ -85,16 +85,16 @@ def test_light_is_rotated_and_sun_placed_in_view(farm: Farm, watched: Watched, s
     height, direction = page.get_by_label("Sun's height"), page.get_by_label("Sun's direction")
     rise = math.degrees(math.atan(0.5 * math.tan(math.radians(FOV / 2))))
     page.mouse.click(*at(0.5, 0.25))
-    expect(hint).to_have_text(f"The sun stands at {rise:.0f}° height, 0°.")
+    expect(hint).to_have_text(f"Sun at {rise:.0f}° elevation, 0°.")
     expect(page.get_by_role("radio", name="Clear sky")).to_be_checked()
     assert float(height.input_value()) == pytest.approx(rise, abs=0.3)
     assert float(direction.input_value()) == pytest.approx(10, abs=0.3), "seen straight ahead, in a sky that is turned"
     page.mouse.click(*at(0.5, 0.5))
     expect(hint).to_have_text(
-        "The sun stands at 2° height, 180°. Its highlight there would need it below the horizon: it stands just above."
+        "Sun at 2° elevation, 180°. A highlight there needs a sun below the horizon, so it is placed just above it."
     )
     page.mouse.click(*at(0.5, 0.75))
-    expect(hint).to_have_text(f"The sun stands at {rise:.0f}° height, 0°.")
+    expect(hint).to_have_text(f"Sun at {rise:.0f}° elevation, 0°.")
     before = seen()
     wait_until(lambda: seen() > before or int(surface.get_attribute("data-samples") or 0) > 0, 60, "it is seen")
     page.keyboard.press("Escape")

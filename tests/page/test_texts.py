@@ -15,8 +15,8 @@ from tests.page.node import Node
 
 def test_rejected_files_message_uses_plural(node: Node) -> None:
     body = "return m.notUploadedTitle(a.map((path) => ({ path })));"
-    assert node.call("shell/gather-files", body, ["room.obj"]) == "room.obj was not taken"
-    assert node.call("shell/gather-files", body, ["a.png", "room.obj", "b.png"]) == "room.obj and 2 more were not taken"
+    assert node.call("shell/gather-files", body, ["room.obj"]) == "room.obj was not accepted"
+    assert node.call("shell/gather-files", body, ["a.png", "room.obj", "b.png"]) == "room.obj and 2 more were not accepted"
 
 
 def test_upload_time_follows_recent_speed(node: Node) -> None:

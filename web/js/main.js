@@ -72,7 +72,7 @@ function showUpdateNotices() {
 
 /** @param {unknown} error */
 const fault = (error) =>
-  showError(t("The page has a fault"), error, { action: { label: t("Reload the page"), run: () => location.reload() } });
+  showError(t("An error occurred on this page"), error, { action: { label: t("Reload the page"), run: () => location.reload() } });
 addEventListener("error", (event) => event.error && fault(event.error));
 addEventListener("unhandledrejection", (event) => fault(event.reason));
 

@@ -19,7 +19,7 @@ export function parseFrames(text) {
     const last = Number(match[2] ?? first);
     const step = Number(match[3] ?? 1);
     if (last < first) return t("The range {part} ends before it begins.", { part });
-    if (step === 0) return t("A range goes in steps from 0.5.");
+    if (step === 0) return t("The step of a range is at least 0.5.");
     const count = Math.floor((last - first) / step) + 1;
     if (found.size + count > MOST_FRAMES) return t("At most {most} frames are rendered in one shot.", { most: MOST_FRAMES });
     for (let i = 0; i < count; i++) found.add(first + step * i);

@@ -21,7 +21,7 @@ const degrees = (value) => `${Number(value.toFixed(1))}°`;
 
 /** @param {{elevation: number, azimuth?: number | null}} sky */
 function skyWords({ elevation, azimuth }) {
-  const height = elevation < 0 ? t("{elevation} below the horizon", { elevation: degrees(-elevation) }) : t("at {elevation} height", { elevation: degrees(elevation) });
+  const height = elevation < 0 ? t("{elevation} below the horizon", { elevation: degrees(-elevation) }) : t("at {elevation} elevation", { elevation: degrees(elevation) });
   return t("Clear sky, sun {height}, {azimuth}", { height, azimuth: degrees((((azimuth ?? 0) % 360) + 360) % 360) });
 }
 
@@ -38,7 +38,7 @@ function kindOf(light) {
 }
 
 /**
- * "Clear sky, sun at 35° height, 120°", "studio.exr, turned by 30°, strength 2".
+ * "Clear sky, sun at 35° elevation, 120°", "studio.exr, turned by 30°, strength 2".
  *
  * @param {EnvironmentRequest | null | undefined} light
  * @param {Pick<Scene, "environment">} [scene] for jobs of older releases, which use their scene's light

@@ -71,7 +71,7 @@ export function sideChoice(letter, state, { picture: job, channel, at }, moments
     steps.value = asked === null || isUploaded ? "" : String(asked);
     steps.hidden = steps.length < 2;
     channels.disabled = isUploaded || asked !== null;
-    channels.title = channels.disabled ? t("Only its colour was kept") : "";
+    channels.title = channels.disabled ? t("Only colour is stored") : "";
     setText(/** @type {HTMLOptionElement} */ (channels.options[0]), channelWord("", [now.left, now.right])); // as the tags on the picture
     channels.value = channels.disabled ? "" : now[channel];
   };

@@ -51,9 +51,9 @@ function rows() {
     plain(t("Scene"), nameOfScene),
     plain(t("Materials"), (job) => materialsOf(job) || t("as saved")),
     {
-      label: t("Light from around"),
+      label: t("Environment light"),
       value: (job) => lightOf(job) || ownLight(sceneOf(job)),
-      phrase: (job) => lightOf(job) || (isLightless(sceneOf(job) ?? {}) ? ownLight(sceneOf(job)) : t("its own light")),
+      phrase: (job) => lightOf(job) || (isLightless(sceneOf(job) ?? {}) ? ownLight(sceneOf(job)) : t("light of the file")),
     },
     ...byTelling.map((setting) => row(setting, (job) => job.settings ?? undefined)),
     plain(settingOf("work", "spp").label, reached),

@@ -133,5 +133,5 @@ export function differencesOf(a, b) {
 /** @param {Picture} picture */
 function lightOf({ reference }) {
   if (!reference) return t("linear Rec.709");
-  return reference.display_referred ? t("sRGB of 8 bits, made linear") : t("taken for linear Rec.709");
+  return reference.display_referred ? t("sRGB of 8 bits, made linear") : t("read as linear Rec.709");
 }

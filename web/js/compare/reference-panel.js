@@ -38,9 +38,9 @@ export function referencePanel(state, life) {
     try {
       const added = await addReference(file, abort.signal);
       compareWith(added);
-      announce(t("{name} is A now", { name: added.name }));
+      announce(t("{name} is now A", { name: added.name }));
     } catch (error) {
-      if (!abort.signal.aborted) showError(t("{name} was not taken", { name: file.name }), error);
+      if (!abort.signal.aborted) showError(t("{name} was not accepted", { name: file.name }), error);
     } finally {
       said.hidden = true;
     }
@@ -81,8 +81,8 @@ export function referencePanel(state, life) {
               { class: "icon-button for-submit", type: "button", "aria-label": t("Remove {name}", { name }), onclick: () => void remove(reference) },
               icon("trash"),
             ),
-          isDisplay && h("p", { class: "small warning" }, t("8 bits a channel, as a screen shows it: its tone curve, if any, is still in it.")),
-          clipped > 0 && h("p", { class: "small warning" }, t("{n} pixels are below 0 or too bright, and are cut off.", { n: clipped })),
+          isDisplay && h("p", { class: "small warning" }, t("8 bits per channel, display-referred: a tone curve, if any, is still applied.")),
+          clipped > 0 && h("p", { class: "small warning" }, t("{n} pixels are negative or too bright, and are clipped.", { n: clipped })),
         );
       }),
     );

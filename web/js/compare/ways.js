@@ -15,7 +15,7 @@ export const WAYS = /** @type {const} */ ([
   { name: "side", label: t("Side"), hint: t("Side by side, at the same place and zoom") },
   { name: "difference", label: t("Difference"), hint: t("Root of the mean squared difference of R, G and B") },
   { name: "relative", label: t("Relative"), hint: t("Squared difference over A's square and 0.01") },
-  { name: "flip", label: "FLIP", hint: t("How different the two look, taking turns: 0 to 1") },
+  { name: "flip", label: "FLIP", hint: t("Perceived difference when the two alternate, 0 to 1") },
 ]);
 
 /** @typedef {(typeof WAYS)[number]["name"]} Way */
@@ -100,7 +100,7 @@ export function compareWays({ stage, state, differInSize, life }) {
     view?.setCover(null);
     bar.hidden = values.hidden = true;
     said.hidden = false;
-    setText(said, t("The two are of different sizes: what differs cannot be measured."));
+    setText(said, t("The pictures differ in size, so their difference cannot be measured."));
   };
   const measure = () => {
     waiting = undefined;
@@ -110,13 +110,13 @@ export function compareWays({ stage, state, differInSize, life }) {
     if (differInSize()) return ofDifferentSizes();
     if ([a, b].some((layer) => !layer.image && layer.film?.isBlank !== false)) {
       said.hidden = false;
-      setText(said, t("Waits for both pictures."));
+      setText(said, t("Waiting for both pictures."));
       return;
     }
     const [shownA, shownB] = [view.canvas.pixelsOf(a), view.canvas.pixelsOf(b)];
     if (!shownA || !shownB || !a.size) {
       said.hidden = false;
-      setText(said, t("Waits for both pictures."));
+      setText(said, t("Waiting for both pictures."));
       return;
     }
     isMeasuring = true;
@@ -128,7 +128,7 @@ export function compareWays({ stage, state, differInSize, life }) {
     worker.onmessage = (/** @type {MessageEvent<Errors>} */ { data }) => void show(data, kind);
     worker.onerror = () => {
       isMeasuring = false;
-      setText(said, t("What differs could not be measured in this browser."));
+      setText(said, t("The difference could not be measured in this browser."));
     };
     const { width, height } = a.size;
     worker.postMessage({ width, height, wordsA: words[0], wordsB: words[1], shownA, shownB, kind }, [shownA.buffer, shownB.buffer]);
@@ -154,7 +154,7 @@ export function compareWays({ stage, state, differInSize, life }) {
     ];
     fill(values, ...figures.map(([label, value]) => h("div", null, h("dt", null, String(label)), h("dd", null, figure(Number(value))))));
     const isPlane = view.layers.some((layer) => layer.image);
-    setText(said, isPlane ? t("Of planes as they are shown, 0 to 1; A is the reference.") : t("Of linear light; FLIP as it is shown. A is the reference."));
+    setText(said, isPlane ? t("Computed on the planes as displayed, 0 to 1. A is the reference.") : t("Computed on linear values; FLIP on displayed values. A is the reference."));
     if (isStale) soon();
   };
   const soon = () => {

@@ -55,7 +55,7 @@ const PATHS = [
 const PATH_CHANNELS = PATHS.map(([name, label]) => ({
   name: PATH + name,
   label,
-  help: t("What these light paths add to the colour"),
+  help: t("Contribution of these light paths to the colour"),
   values: ["R", "G", "B"],
 }));
 
@@ -75,7 +75,7 @@ export const lightGroups = (settings) => (settings?.light_groups ? [...settings.
 const lightChannel = (group) => ({
   name: LIGHT + group,
   label: group === REST ? t("Light: all others") : t("Light: {group}", { group }),
-  help: t("What this group of lights adds to the colour"),
+  help: t("Contribution of this light group to the colour"),
   values: ["R", "G", "B"],
 });
 

@@ -122,7 +122,7 @@ export class PixelReadout {
     const { live } = this.side;
     setText(this.samples, live.hasSamples !== false ? t("{n} spp", { n: count(samples) }) : "");
     this.line.classList.toggle("exact", exact);
-    this.line.title = exact ? t("Exact values of the film, linear Rec.709") : t("Values of the live picture, true to 0.2 %");
+    this.line.title = exact ? t("Exact values of the film, linear Rec.709") : t("Values of the live picture, accurate to 0.2 %");
   }
 }
 

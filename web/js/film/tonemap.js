@@ -8,7 +8,7 @@ import { t } from "../base/words.js";
 /** In the order of the shader's `curve`; the shader has a function for each name. */
 export const CURVES = [
   { name: "neutral", label: t("Neutral"), hint: t("Khronos PBR Neutral: true base colours, highlights roll off") },
-  { name: "srgb", label: "sRGB", hint: t("No curve: what is above 1 clips") },
+  { name: "srgb", label: "sRGB", hint: t("No tone curve: values above 1 clip") },
   {
     name: "hue",
     label: t("Hue-preserving clip"),

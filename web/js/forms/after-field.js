@@ -14,7 +14,7 @@ export function afterField(changed) {
   /** @type {Map<string, string>} */
   const chosen = new Map();
   const select = h("select");
-  const list = h("ul", { class: "chosen", "aria-label": t("Comes after"), hidden: true });
+  const list = h("ul", { class: "chosen", "aria-label": t("Depends on"), hidden: true });
   const element = field(t("After"), select, t("Starts when they are finished. If one fails, this job fails too."));
   select.after(list);
   let shown = "";
@@ -41,8 +41,8 @@ export function afterField(changed) {
       {
         class: "icon-button",
         type: "button",
-        "aria-label": t("Not after {name}", { name }),
-        title: t("Not after {name}", { name }),
+        "aria-label": t("Do not wait for {name}", { name }),
+        title: t("Do not wait for {name}", { name }),
         onclick: () => {
           chosen.delete(id);
           show();

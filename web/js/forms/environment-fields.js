@@ -31,7 +31,7 @@ import { t } from "../base/words.js";
 
 /** @type {Light[]} */
 const ALWAYS = [
-  { id: "own", label: t("Its own"), help: t("The light that the file has.") },
+  { id: "own", label: t("From the file"), help: t("The light in the file.") },
   { id: "color", label: t("One colour"), help: t("The same light from every direction.") },
 ];
 /** In the place of the scene's own. @type {Light} */
@@ -291,10 +291,10 @@ async function sent(file, choices) {
   try {
     return await addEnvironment(file, {
       signal: abort.signal,
-      progress: (done, all) => (done < all ? place.update(done / all, t("{done} of {all}", { done: bytes(done), all: bytes(all) })) : place.update(null, t("A worker checks it …"))),
+      progress: (done, all) => (done < all ? place.update(done / all, t("{done} of {all}", { done: bytes(done), all: bytes(all) })) : place.update(null, t("A worker is checking it …"))),
     });
   } catch (error) {
-    if (!abort.signal.aborted) showError(t("{name} was not taken", { name: file.name }), error);
+    if (!abort.signal.aborted) showError(t("{name} was not accepted", { name: file.name }), error);
     return null;
   } finally {
     place.remove();

@@ -21,7 +21,7 @@ import { t } from "../base/words.js";
  */
 export function lightChoices(chosen, add) {
   const name = freshId("light");
-  const group = h("div", { class: "lights", role: "radiogroup", "aria-label": t("Light from around") });
+  const group = h("div", { class: "lights", role: "radiogroup", "aria-label": t("Environment light") });
   /** @type {Map<string, HTMLInputElement>} */
   const radios = new Map();
   let current = "";

@@ -28,7 +28,7 @@ export function queueFields(changed) {
   };
   /** @type {[HTMLInputElement, () => string, () => Place][]} */
   const all = [
-    [deadline, () => (deadline.value && new Date(deadline.value) <= new Date() ? t("Wanted by: this moment has passed.") : ""), () => ({ deadline: isoOf(deadline.value) })],
+    [deadline, () => (deadline.value && new Date(deadline.value) <= new Date() ? t("Deadline: this time has passed.") : ""), () => ({ deadline: isoOf(deadline.value) })],
     [priority, () => "", () => ({ priority: numberOf(priority, 0) })],
     [slots, () => "", () => ({ max_slots: slots.value ? slots.valueAsNumber : null })],
     [needs, () => problemOf(listOf(needs)), () => ({ needs: listOf(needs) })],
@@ -41,10 +41,10 @@ export function queueFields(changed) {
       if (input.validity.valid) changed(part());
     });
   }
-  const wanted = field(t("Wanted by"), deadline, t("Warns if the forecast says it will be late."));
+  const wanted = field(t("Deadline"), deadline, t("Warns if the forecast says it will be late."));
   const needed = field(t("Needs"), needs, t("Tags of workers, such as gpu, or memory_gb=32, separated by commas."));
   needed.append(lacking);
-  explain(wanted, t("Wanted by"), [deadline]);
+  explain(wanted, t("Deadline"), [deadline]);
   explain(needed, t("Needs"), [needs]);
   return {
     elements: [wanted, h("div", { class: "pair" }, field(t("Priority"), priority, t("Jobs with a higher number are rendered first.")), field(t("Max slots"), slots)), needed],

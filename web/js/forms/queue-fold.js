@@ -16,7 +16,7 @@ export function queueFold(like) {
   const told = h("span", { class: "quiet small told" });
   const place = queueFields(() => tell());
   const after = afterField(() => tell());
-  const verify = h("input", { type: "number", min: 0, max: 100, step: "any", inputmode: "decimal", placeholder: t("as the farm does") });
+  const verify = h("input", { type: "number", min: 0, max: 100, step: "any", inputmode: "decimal", placeholder: t("farm default") });
   const fresh = h("input", { type: "checkbox" });
   if (like?.needs?.length) place.put({ needs: like.needs });
   const get = () => ({
@@ -36,10 +36,10 @@ export function queueFold(like) {
       { class: "stack" },
       place.elements,
       after.element,
-      field(t("Verified, %"), verify, t("This share is rendered by two workers and compared bit by bit.")),
+      field(t("Verified, %"), verify, t("Share of the samples that two workers render and that are compared bit by bit.")),
       h(
         "label",
-        { class: "check small", title: t("Otherwise samples that an earlier job has of the same picture are reused") },
+        { class: "check small", title: t("Otherwise samples of an earlier job of the same picture are reused") },
         fresh,
         t("Render again from the first sample"),
       ),

@@ -65,10 +65,10 @@ export function sunDial(changed) {
     class: "sun-dial",
     role: "slider",
     tabindex: "0",
-    "aria-label": t("Where the sun stands: up and down is its height, left and right its direction"),
+    "aria-label": t("Sun position: up and down change its elevation, left and right its direction"),
     "aria-valuemin": "0",
     "aria-valuemax": "90",
-    title: t("Drag the sun: the middle is overhead, the rim the horizon, below stands who looks from the front"),
+    title: t("Drag the sun: the centre is overhead, the rim the horizon, the bottom the front of the scene"),
   });
   element.append(face);
   const show = () => {

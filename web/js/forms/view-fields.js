@@ -146,8 +146,8 @@ function photographicFields(fov, aperture) {
   for (const input of [fov, aperture]) input.addEventListener("input", show);
   return {
     elements: [
-      field(t("Focal length, mm"), length, t("Of a lens before a sensor of {width} by {height} mm.", { width: SENSOR_MM.width, height: SENSOR_MM.height })),
-      field(t("f-number"), stop, t("Smaller blurs more of what is out of focus. The scene's unit is taken for a metre.")),
+      field(t("Focal length, mm"), length, t("For a sensor of {width} × {height} mm.", { width: SENSOR_MM.width, height: SENSOR_MM.height })),
+      field(t("f-number"), stop, t("A smaller number blurs more. Scene units are taken to be metres.")),
     ],
     show,
   };

@@ -16,18 +16,18 @@ export function doubtNotice() {
   again.addEventListener("click", async () => {
     if (!latest) return;
     again.disabled = true;
-    await change(latest, { state: "running" }, t("They are not rendered again"));
+    await change(latest, { state: "running" }, t("They could not be rendered again"));
     again.disabled = false;
   });
   const notice = h("div", { class: "notice warning", role: "status" }, icon("warning"), h("div", { class: "grow stack tight" }, text, again));
-  const element = h("section", { class: "side-section doubt", "aria-label": t("Doubted samples"), hidden: true }, notice);
+  const element = h("section", { class: "side-section doubt", "aria-label": t("Disputed samples"), hidden: true }, notice);
   return {
     element,
     update(job) {
       latest = job;
       const names = job.doubted ?? [];
       element.hidden = names.length === 0;
-      if (names.length) setText(text, t("Some of its samples come from {names}, which was later found to render something different from other workers.", { names: names.join(", ") }));
+      if (names.length) setText(text, t("Some of its samples come from {names}, whose results were later found to differ from other workers'.", { names: names.join(", ") }));
     },
   };
 }

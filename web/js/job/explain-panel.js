@@ -20,16 +20,16 @@ const ENDS = {
   missed: t("It left the scene."),
   absorbed: t("All its light was absorbed."),
   roulette: t("Russian roulette ended it."),
-  depth: t("It has as many segments as the settings allow."),
-  diffuse: t("It has as many diffuse bounces as the settings allow."),
-  glossy: t("It has as many glossy bounces as the settings allow."),
-  transmission: t("It has passed as much glass as the settings allow."),
-  caught: t("It met too many surfaces at one place."),
+  depth: t("It reached the maximum depth."),
+  diffuse: t("It reached the maximum diffuse depth."),
+  glossy: t("It reached the maximum glossy depth."),
+  transmission: t("It reached the maximum transmission depth."),
+  caught: t("It hit too many surfaces at one place."),
   unlit: t("The material scatters no light."),
-  passed: t("It passed too many transparent surfaces."),
+  passed: t("It reached the maximum transparency depth."),
 };
 /** @type {Record<string, string>} */
-const CHOSEN = { asked: t("Asked for"), first: t("First"), median: t("Median"), brightest: t("Brightest") };
+const CHOSEN = { asked: t("Requested"), first: t("First"), median: t("Median"), brightest: t("Brightest") };
 /** @type {Record<string, string>} */
 const BOUNCES = { reflected: t("reflected"), transmitted: t("let through") };
 const LAST_SAMPLE = 1048575;
@@ -89,7 +89,7 @@ export function explainPanel(picture, life, moments) {
     if (sample === null) {
       shown = null;
       draw();
-      fill(body, h("p", { class: "quiet", role: "status" }, t("A worker traces its paths again …")));
+      fill(body, h("p", { class: "quiet", role: "status" }, t("A worker is tracing its paths again …")));
     }
     element.scrollIntoView({ block: "nearest" });
     try {
@@ -97,7 +97,7 @@ export function explainPanel(picture, life, moments) {
       show(found, sample);
     } catch (error) {
       if (signal.aborted) return;
-      const again = h("button", { class: "button", type: "button", onclick: () => void explain(at, sample) }, icon("refresh"), t("Ask again"));
+      const again = h("button", { class: "button", type: "button", onclick: () => void explain(at, sample) }, icon("refresh"), t("Try again"));
       fill(body, h("div", { class: "notice error", role: "alert" }, icon("warning"), h("div", { class: "grow stack tight" }, /** @type {Error} */ (error).message, again)));
     }
   };
@@ -114,7 +114,7 @@ export function explainPanel(picture, life, moments) {
       const words = path.chosen.map((choice) => CHOSEN[choice] ?? choice).join(", ");
       const radio = h("input", { type: "radio", name, onchange: () => pick(path) });
       radio.checked = path === first;
-      return h("label", null, radio, h("span", { class: "grow" }, words), h("span", { class: "quiet number" }, `#${path.sample}`), h("span", { class: "mono" }, path.value ? radiance(luminanceOf(path.value)) : t("no number")));
+      return h("label", null, radio, h("span", { class: "grow" }, words), h("span", { class: "quiet number" }, `#${path.sample}`), h("span", { class: "mono" }, path.value ? radiance(luminanceOf(path.value)) : t("not a number")));
     });
     const pick = (/** @type {PixelPath} */ path) => {
       shown = { path, chosen: null };
@@ -188,7 +188,7 @@ function shareOf({ samples, mean }, path) {
 function verdict({ samples, mean, equals_film: equals, worker }) {
   if (!samples) return t("The pixel has no samples yet; its first one is shown.");
   const said = t("{n} samples followed again by {worker}; their mean is {mean}.", { n: count(samples), worker: worker ?? "?", mean: listed(mean) });
-  return `${said} ${equals === true ? t("Their sum equals that of the picture exactly.") : equals === false ? t("Their sum differs from that of the picture: the picture or the scene has changed.") : ""}`;
+  return `${said} ${equals === true ? t("Their sum equals the picture exactly.") : equals === false ? t("Their sum differs from the picture: the picture or the scene has changed.") : ""}`;
 }
 
 /** @param {PixelPath} path @param {(chosen: number | null) => void} look */
@@ -205,12 +205,12 @@ function pathDetail(path, look) {
     fill(about, ...(vertex ? facts(vertex) : []).map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))));
     look(chosen);
   };
-  const heads = [["#", t("Number")], [t("Hit"), ""], [t("Weight"), t("Throughput: what radiance from here counts")], [t("Light"), t("Light that it adds to the sample")]];
+  const heads = [["#", t("Number")], [t("Hit"), ""], [t("Weight"), t("Throughput: factor for radiance from here")], [t("Light"), t("Light added to the sample")]];
   return [
     h(
       "table",
       { class: "path-table" },
-      h("caption", { class: "visually-hidden" }, t("What the path met, from the camera on")),
+      h("caption", { class: "visually-hidden" }, t("Vertices of the path, from the camera on")),
       h("thead", null, h("tr", null, heads.map(([text, title]) => h("th", { scope: "col", title: title || null }, text)))),
       h("tbody", null, path.vertices.map((vertex, i) => row(vertex, buttons[i]))),
     ),
@@ -253,17 +253,17 @@ function facts(vertex) {
     [t("Position"), point && listed(point)],
     [t("Distance"), distance != null && radiance(distance)],
     [t("Throughput"), listed(throughput)],
-    [t("Its own light"), emitted.some(Boolean) && listed(emitted)],
-    [t("Counted by MIS as"), weight != null && percent(weight)],
-    [t("The path's second branch brings"), beside.some(Boolean) && listed(beside)],
-    [t("Light chosen at"), light && (light.point ? listed(light.point) : t("infinitely far"))],
-    [t("It would bring"), light && listed(light.brought)],
-    [t("It brings"), light && (isBlocked(light, direct) ? t("nothing: it is blocked") : listed(direct))],
-    [t("Counted by MIS as"), light && percent(light.weight)],
-    [t("Chance of the light"), light?.pdf != null && t("{pdf} per steradian", { pdf: radiance(light.pdf) })],
-    [t("Goes on"), lobe(vertex)],
-    [t("Chance of that way"), pdf != null && t("{pdf} per steradian", { pdf: radiance(pdf) })],
-    [t("Survives roulette by"), survival != null && percent(survival)],
+    [t("Emitted light"), emitted.some(Boolean) && listed(emitted)],
+    [t("MIS weight"), weight != null && percent(weight)],
+    [t("Contribution of the second branch"), beside.some(Boolean) && listed(beside)],
+    [t("Point on the light"), light && (light.point ? listed(light.point) : t("at infinity"))],
+    [t("Unblocked contribution"), light && listed(light.brought)],
+    [t("Contribution"), light && (isBlocked(light, direct) ? t("none, it is blocked") : listed(direct))],
+    [t("MIS weight"), light && percent(light.weight)],
+    [t("Probability of the light"), light?.pdf != null && t("{pdf} per steradian", { pdf: radiance(light.pdf) })],
+    [t("Continues"), lobe(vertex)],
+    [t("Pdf of the direction"), pdf != null && t("{pdf} per steradian", { pdf: radiance(pdf) })],
+    [t("Roulette survival"), survival != null && percent(survival)],
   ];
   return all.flatMap(([name, value]) => (value ? [/** @type {[string, string]} */ ([name, value])] : []));
 }

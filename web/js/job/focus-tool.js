@@ -37,7 +37,7 @@ export function focusTool(job, picture, life) {
   const said = h("span");
   const end = h(
     "button",
-    { class: "icon-button for-submit", type: "button", "aria-label": t("Render all parts alike again"), title: t("All parts alike again (Shift+A)"), onclick: () => ask(null) },
+    { class: "icon-button for-submit", type: "button", "aria-label": t("Render all parts equally again"), title: t("Render all parts equally again (Shift+A)"), onclick: () => ask(null) },
     icon("close"),
   );
   const chip = h("div", { class: "stage-chip", role: "status", hidden: true }, said, end);
@@ -55,7 +55,7 @@ export function focusTool(job, picture, life) {
     turn(false);
     const focus = rect && /** @type {[number, number, number, number]} */ ([rect.x, rect.y, rect.w, rect.h]);
     const first = isShot(latest) ? { first: rect ? live.frame : -1 } : {};
-    announce(rect ? t("This part is rendered first") : t("All parts are rendered alike"));
+    announce(rect ? t("This part is rendered first") : t("All parts are rendered equally"));
     void change(latest, { focus, ...first }, t("The order was not changed"));
   };
   const show = () => {
@@ -83,7 +83,7 @@ export function focusTool(job, picture, life) {
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [
       { keys: "A", does: t("Render a part first: then click or drag on the picture"), run: () => turn(!isOn) },
-      { keys: "Shift+A", does: t("Render all parts alike again"), run: () => (latest.focus ? ask(null) : turn(false)) },
+      { keys: "Shift+A", does: t("Render all parts equally again"), run: () => (latest.focus ? ask(null) : turn(false)) },
     ],
     /** @param {Job} next */
     update(next) {

@@ -22,16 +22,16 @@ const CLEAN = 0.01;
 
 /** @type {Record<string, (words: string) => string>} */
 const WORDS = {
-  begun: (kind) => t("Begun with version {version}", { version: kind.split("-")[0] ?? kind }),
-  taken: (job) => t("Begun with what job {job} has rendered", { job }),
+  begun: (kind) => t("Started with version {version}", { version: kind.split("-")[0] ?? kind }),
+  taken: (job) => t("Started with the samples of job {job}", { job }),
   picture: () => t("First picture: every tile has a sample"),
   worker: (name) => t("{name} renders it", { name }),
   left: (name) => t("{name} has left", { name }),
   paused: () => t("Paused"),
   resumed: () => t("Resumed"),
   lost: (name) => (name ? t("A batch did not come back from {name}; tried again", { name }) : t("A batch did not come back; tried again")),
-  late: () => t("Expected after its deadline"),
-  "in-time": () => t("Expected by its deadline again"),
+  late: () => t("Expected to miss its deadline"),
+  "in-time": () => t("Expected to meet its deadline again"),
   healed: () => t("Its film was damaged; the missing part is rendered again"),
   distrusted: (name) => t("{name} rendered something different from other workers; its part is rendered again", { name }),
   failed: (words) => t("A batch failed, and is tried again. {words}", { words: inWords(words) }),
@@ -85,7 +85,7 @@ export function historyPanel(job, life) {
     fill(chart, points.length > 1 && last ? plot(points, left) : null);
     const { created, finished, state } = job();
     const all = [
-      { at: created, text: t("Asked for") },
+      { at: created, text: t("Requested") },
       ...history.events.filter(isNews).map(({ at, kind, words }) => ({ at, text: (WORDS[kind] ?? (() => kind))(words) })),
       ...(finished ? [{ at: finished, text: state === "finished" ? t("Finished") : state === "failed" ? t("Failed") : t("Cancelled") }] : []),
     ];

@@ -55,7 +55,7 @@ export function logPanel(job, life) {
       if (isCalled) element.scrollIntoView({ block: "nearest" });
       isCalled = false;
       said.hidden = text !== "";
-      if (!text) setText(said, t("No lines yet. They come when a worker begins."));
+      if (!text) setText(said, t("No lines yet. They appear when a worker starts."));
     } catch (error) {
       if (signal.aborted) return;
       said.hidden = false;

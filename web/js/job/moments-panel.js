@@ -72,7 +72,7 @@ export function momentsPanel(job, picture, display, life) {
     const snapshot = known.find(({ spp }) => spp === at);
     slider.max = String(known.length);
     slider.valueAsNumber = snapshot ? known.indexOf(snapshot) : known.length;
-    const name = snapshot ? wordsOf(snapshot, before?.denoise !== "off") : t("As it is now");
+    const name = snapshot ? wordsOf(snapshot, before?.denoise !== "off") : t("Current");
     slider.setAttribute("aria-valuetext", name);
     fewer.disabled = slider.valueAsNumber === 0;
     more.disabled = !snapshot;
@@ -175,5 +175,5 @@ function wordsOf({ spp, least, most, seconds }, isRaw) {
   const time = seconds < 60 ? t("{n} s", { n: Math.max(1, Math.round(seconds)) }) : clock(seconds);
   const taken = tn(spp, "{n} sample per pixel, after {time}", "{n} samples per pixel, after {time}", { n: count(spp), time });
   const from = isRaw ? t("{picture}, not denoised", { picture: taken }) : taken;
-  return least === most && least === spp ? from : `${from}; ${t("tiles had {least} to {most}", { least: count(least), most: count(most) })}`;
+  return least === most && least === spp ? from : `${from}; ${t("{least} to {most} per tile", { least: count(least), most: count(most) })}`;
 }

@@ -158,7 +158,7 @@ export function notesPanel(job, picture, life, { open, begin, goTo }) {
   let spot = null;
   const showSpot = (/** @type {Spot | null} */ next) => {
     spot = next;
-    setText(hint, next ? t("Pinned. Click the picture to move the pin.") : t("About the whole picture. Click it to pin the note to a place."));
+    setText(hint, next ? t("Pinned. Click the picture to move the pin.") : t("Applies to the whole picture. Click the picture to pin the note to a place."));
   };
   const setSpot = (/** @type {Spot | null} */ next) => {
     showSpot(next);

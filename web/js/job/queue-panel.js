@@ -32,7 +32,7 @@ export function queuePanel() {
   const waits = h(
     "div",
     { class: "stack tight", hidden: true },
-    h("h2", null, t("Waits for")),
+    h("h2", null, t("Waiting for")),
     waitList,
     h("button", { class: "button small for-submit", type: "button", onclick: () => ask({ after: [] }) }, t("Start without waiting")),
   );
@@ -82,8 +82,8 @@ function lateWords({ deadline, expected, late }) {
   if (over > 0) return t("Its deadline has passed: {time}.", { time: dayAndTime(deadline) });
   const by = (expected ?? 0) - deadline;
   return by > 0 && by < FORESEEN_S
-    ? t("Wanted by {time}; the forecast says {late} later.", { time: dayAndTime(deadline), late: roughly(by) })
-    : t("Wanted by {time}; the forecast says it will not be ready.", { time: dayAndTime(deadline) });
+    ? t("Deadline: {time}; the forecast is {late} later.", { time: dayAndTime(deadline), late: roughly(by) })
+    : t("Deadline: {time}; the forecast misses it.", { time: dayAndTime(deadline) });
 }
 
 /** @param {Job} job */
@@ -91,8 +91,8 @@ function readyWords(job) {
   const { deadline, expected, late } = job;
   if (deadline == null || late != null) return "";
   return expected == null
-    ? [t("Wanted by {time}.", { time: dayAndTime(deadline) }), saidOf(job, "unforeseen")].filter(Boolean).join(" ")
-    : t("Wanted by {time}; the forecast says {ready}.", { time: dayAndTime(deadline), ready: dayAndTime(expected) });
+    ? [t("Deadline: {time}.", { time: dayAndTime(deadline) }), saidOf(job, "unforeseen")].filter(Boolean).join(" ")
+    : t("Deadline: {time}; the forecast is {ready}.", { time: dayAndTime(deadline), ready: dayAndTime(expected) });
 }
 
 /** @param {number} at unix seconds */

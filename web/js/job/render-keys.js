@@ -42,7 +42,7 @@ export function stageKeys({ view, display, normalise, usual = 0, inShot = false 
     [1, 10].map((by) => ({
       keys: `${by > 1 ? "Shift+" : ""}${inShot ? letter : arrow}`,
       shown: letter === "H" && by === 1 ? (inShot ? "H J K L" : t("Arrows")) : null, // one line of help for all eight
-      does: t("Read pixels by keys; with Shift ten at a time"),
+      does: t("Move the pixel cursor; with Shift, by ten"),
       run: () => view?.moveCursor(dx * by, dy * by),
     })),
   );
@@ -52,7 +52,7 @@ export function stageKeys({ view, display, normalise, usual = 0, inShot = false 
     { keys: "R", does: t("Reset the exposure"), run: () => expose(usual) },
     { keys: "N", does: t("Normalise: the brightest below white"), run: normalise },
     { keys: "F", does: t("Fit the picture"), run: () => view?.fit() },
-    { keys: "1", does: t("One picture pixel a screen pixel"), run: () => view?.actualSize() },
+    { keys: "1", does: t("One picture pixel per screen pixel"), run: () => view?.actualSize() },
     { keys: "+", does: t("Zoom in"), run: () => view?.zoom(1) },
     { keys: "-", does: t("Zoom out"), run: () => view?.zoom(-1) },
     ...inspect,

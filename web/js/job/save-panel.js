@@ -13,11 +13,11 @@ import { downloadLink } from "./download-link.js";
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 
 const FORMATS = /** @type {const} */ ([
-  ["png", t("As it looks now, exposure and tone curve included")],
+  ["png", t("As displayed, with exposure and tone curve")],
   ["exr", t("Scene-linear floats, untouched by exposure and curve")],
   ["avif", t("High dynamic range, for HDR displays; exposure included, without the tone curve")],
   ["jxl", t("JPEG XL: as AVIF, with 16 bits per channel")],
-  ["jpg", t("As it looks now, small")],
+  ["jpg", t("As displayed, small")],
 ]);
 
 /**

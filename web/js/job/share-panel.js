@@ -32,8 +32,8 @@ export function sharePanel(shown, look) {
   const { exposure, curve } = jobLook(shown);
   /** Parameters that a link's picture has without them. @type {Record<string, string | number>} */
   const usual = { exposure, tonemap: curve };
-  const days = h("select", { "aria-label": t("Lasts") }, LASTING.map(([value, label]) => h("option", { value, selected: value === 7 }, label)));
-  const permission = h("select", { "aria-label": t("Allows") }, PERMISSIONS.map(([value, label]) => h("option", { value }, label)));
+  const days = h("select", { "aria-label": t("Valid for") }, LASTING.map(([value, label]) => h("option", { value, selected: value === 7 }, label)));
+  const permission = h("select", { "aria-label": t("Permission") }, PERMISSIONS.map(([value, label]) => h("option", { value }, label)));
   const create = h("button", { class: "button small", type: "button", onclick: () => make() }, t("Create link"));
   const made = h("div", { class: "share-made" });
   const list = h("ul", { class: "share-links small" });

@@ -31,7 +31,7 @@ export function stageNotices(stage, job, live, life) {
       putJob(await changeJob(job().id, { state: "running" }));
       live.missing.set("");
     } catch (error) {
-      showError(t("The picture is not rendered again"), error);
+      showError(t("The picture could not be rendered again"), error);
     }
   };
   const missing = h("div", { class: "stage-missing", role: "status", hidden: true });
@@ -42,7 +42,7 @@ export function stageNotices(stage, job, live, life) {
     const isOpen = state === "queued" || state === "running";
     const hasStart = live.look !== null || live.clean !== ""; // a picture that the words would cover
     waiting.hidden = samples > 0 || state === "finished" || (isOpen && hasStart) || notice.childElementCount > 0;
-    setText(why, ENDED.includes(state) ? t("Nothing was rendered.") : state === "paused" ? t("Paused before its first samples.") : saidOf(job(), "message") || t("Waits for its first samples."));
+    setText(why, ENDED.includes(state) ? t("Nothing was rendered.") : state === "paused" ? t("Paused before its first samples.") : saidOf(job(), "message") || t("Waiting for the first samples."));
   };
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && !OVER.includes(job().state) && noWorkerNotice()), update())));
   life.add(

@@ -32,8 +32,8 @@ export const mayChange = (project) => may("submit") && !readOnlyProjects.has(pro
 /** @param {string | null | undefined} project that the user may not change @returns {string} the reason, as a sentence */
 export const readOnlyReason = (project) =>
   may("submit")
-    ? t("You can look at project {name}, but not change it. Ask the administrator of this farm.", { name: project ?? "" })
-    : t("Your role lets you look, but not render. Ask the administrator of this farm.");
+    ? t("You can view project {name}, but not change it. Ask the administrator of this farm.", { name: project ?? "" })
+    : t("Your role allows viewing, but not rendering. Ask the administrator of this farm.");
 
 /**
  * Disables or hides the controls in a part of the page that the project's permissions would refuse.

@@ -39,7 +39,7 @@ export function sendFiles(url, field, files, { progress, signal, fields = {} }) 
     };
     // A service that refuses a large body early may close the connection before its response is read.
     request.onerror = () =>
-      reject(new ApiError(0, t("The upload broke off: the service does not answer, or refused its size.")));
+      reject(new ApiError(0, t("The upload was interrupted: the service does not respond, or refused its size.")));
     request.onabort = () => reject(signal.reason);
     signal.addEventListener("abort", () => request.abort());
     if (signal.aborted) reject(signal.reason);

@@ -32,7 +32,7 @@ export function failedScene(scene, remove) {
         h("ul", { class: "uploaded-files" }, files.slice(0, FILES_SHOWN).map((file) => fileRow(file, isMain(file)))),
         rest.length > 0 && h("p", { class: "quiet small number" }, tn(rest.length, "{n} more file, {bytes}", "{n} more files, {bytes}", { bytes: bytes(rest.reduce((sum, { size }) => sum + size, 0)) })),
         h("h2", null, t("Help")),
-        h("a", { href: "docs/guides/formats" }, t("What is read of each format")),
+        h("a", { href: "docs/guides/formats" }, t("Supported features of each format")),
         h("a", { href: "docs/guides/scene-format" }, t("Scene files as text")),
       ),
     ),

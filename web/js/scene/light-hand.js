@@ -74,7 +74,7 @@ export function lightHand(surface, seen, light) {
     const { undo } = drag;
     letGo();
     undo();
-    show(t("Taken back: {words}", { words: words() }));
+    show(t("Undone: {words}", { words: words() }));
     return true;
   };
   /** @param {KeyboardEvent} event */
@@ -95,7 +95,7 @@ export function lightHand(surface, seen, light) {
       label: t("Turn the light"),
       short: t("Light"),
       title: t("Turn the light: hold L and drag, or Shift and the right button"),
-      hint: t("Drag across turns the light, up and down changes its strength; the arrows too. Escape takes it back."),
+      hint: t("Drag sideways to turn the light, up or down to change its strength, or use the arrow keys. Escape undoes it."),
       press,
       key,
       takeBack,

@@ -80,7 +80,7 @@ const withoutView = (reason) => ({
  * @returns {LiveView}
  */
 export function liveView(scene, form, meanwhile, turned, sides, names) {
-  const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
+  const canvas = h("canvas", { role: "img", "aria-label": t("Live picture of the scene") });
   const over = h("canvas", { hidden: true });
   const mesh = takeMesh(scene.id);
   mesh.canvas.ariaHidden = "true";

@@ -105,7 +105,7 @@ bool point(out vec3 place, out vec3 n) {
 #endif`;
 
 /**
- * Light from around that a point misses: that of the directions in which something else is seen, less what that reflects; and, as alpha, the
+ * Light of the environment that a point misses: that of the directions in which something else is seen, less what that reflects; and, as alpha, the
  * luminance of the light of all directions, shadowed or not. Their ratio is bounded however few the directions are.
  */
 export const GATHER_FRAGMENT = `#version 300 es

@@ -28,7 +28,7 @@ const COLOURS = ["#f5a83b", "#4aa8ff", "#5fd38a", "#ff7d9c", "#b88cff", "#38c6c6
  * @param {(view: View) => void} parts.turnTo shows a view that another person has
  */
 export function people(surface, { view, send, turnTo }) {
-  const list = h("div", { class: "view-people", role: "group", "aria-label": t("Also here") });
+  const list = h("div", { class: "view-people", role: "group", "aria-label": t("People in this view") });
   const layer = h("div", { class: "view-cursors", "aria-hidden": "true" });
   surface.append(layer);
   /** @type {Person[]} */

@@ -32,7 +32,7 @@ const [SLOW_S, COMPILED_S] = [2, 60];
 /** Returns why a step takes its time, as far as the page knows. @param {number} seconds so far */
 function reasonOf(seconds) {
   const isBusy = seconds > SLOW_S && jobs.value?.some(({ state }) => state === "running");
-  return isBusy ? t("beside a picture that is rendered") : "";
+  return isBusy ? t("while a picture is being rendered") : "";
 }
 
 /** @param {number} seconds so far */

@@ -104,7 +104,7 @@ export function preparingView(scene, steps) {
     const taken = (mesh = takeMesh(scene.id));
     const { canvas } = taken;
     canvas.role = "img";
-    canvas.ariaLabel = t("The scene as it is seen now");
+    canvas.ariaLabel = t("Live picture of the scene");
     canvas.hidden = picture !== undefined && !isTurned;
     surface.append(canvas);
     taken.setScene(latest);

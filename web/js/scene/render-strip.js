@@ -30,7 +30,7 @@ const MOST = 60;
  */
 export function renderStrip(scene, sides, life, isHeld) {
   const list = h("ul", { class: "strip" });
-  const hint = h("span", { class: "small quiet strip-hint" }, t("A click shows one as A, Shift and a click as B"));
+  const hint = h("span", { class: "small quiet strip-hint" }, t("Click to show as A, Shift-click as B"));
   const title = h("h2", { class: "strip-title" }, t("Pictures of this scene"));
   const element = h(
     "section",

@@ -33,7 +33,7 @@ export function invisibleWords(scene, isAsUploaded = true) {
 
 /** @param {Pick<Scene, "step" | "codes">} scene @returns {string} */
 export function stepWords(scene) {
-  if (waitsForBlender(scene)) return t("Waits for a worker with Blender …"); // the view explains it
+  if (waitsForBlender(scene)) return t("Waiting for a worker with Blender …"); // the view explains it
   const words = saidOf(scene, "step");
   return words && `${words[0]?.toUpperCase()}${words.slice(1).replace(/[.。]$/, "")} …`;
 }
@@ -60,7 +60,7 @@ export function failure(scene, place, remove) {
   const [error, cause] = saidApart(scene, "error");
   // The error of a strict scene is a list of its warnings.
   const why = isRefused(scene)
-    ? [t("It was uploaded as strict, so its warnings are errors. Uploaded here, it is taken with them."), warningList(scene, scene.warnings)]
+    ? [t("It was uploaded as strict, so its warnings are errors. Upload it here to accept them."), warningList(scene, scene.warnings)]
     : [error];
   return [
     h(
@@ -69,7 +69,7 @@ export function failure(scene, place, remove) {
       h("h2", null, icon("warning"), t("This cannot be rendered")),
       h("p", null, ...why),
       cause && !isRefused(scene) && h("details", { class: "failure-cause small" }, h("summary", null, t("Details")), h("p", null, cause)),
-      place && h("p", { class: "failure-place" }, h("span", { class: "quiet" }, t("Place")), h("code", null, place)),
+      place && h("p", { class: "failure-place" }, h("span", { class: "quiet" }, t("Location")), h("code", null, place)),
     ),
     h(
       "div",

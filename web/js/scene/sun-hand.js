@@ -26,10 +26,10 @@ export function sunHand(surface, light, pick, tell) {
     const sun = sunFor({ direction: picked.direction, normal: picked.normal });
     light.stand(sun, true);
     const at = { elevation: `${Math.round(sun.elevation)}°`, azimuth: `${Math.round(sun.azimuth) % 360}°` };
-    const told = t("The sun stands at {elevation} height, {azimuth}.", at);
+    const told = t("Sun at {elevation} elevation, {azimuth}.", at);
     if (!sun.isRaised) tell(told);
-    else if (picked.normal) tell(t("{told} Its highlight there would need it below the horizon: it stands just above.", { told }));
-    else tell(t("{told} That is below the horizon: it stands just above.", { told }));
+    else if (picked.normal) tell(t("{told} A highlight there needs a sun below the horizon, so it is placed just above it.", { told }));
+    else tell(t("{told} That is below the horizon, so it is placed just above it.", { told }));
   };
   /** @param {PointerEvent} event */
   const ask = (event) => {
@@ -85,7 +85,7 @@ export function sunHand(surface, light, pick, tell) {
       drag.end();
       drag.undo();
       drag = next = asked = null;
-      tell(t("Taken back."));
+      tell(t("Undone."));
       return true;
     },
   };

@@ -46,10 +46,10 @@ export function viewHands({ scene, form, frame, surface, instead, seen, size, pi
     isFocused = false;
     const touch = matchMedia("(pointer: coarse)").matches;
     const usual = touch
-      ? t("Two fingers move the view; tap it first to turn it with one.")
+      ? t("Drag with two fingers to move the view; tap it first to turn it with one.")
       : t("Drag to turn, Shift-drag to move, scroll to zoom; W A S D Q E to fly.");
     const ofStage = touch
-      ? t("A finger across moves the picture, two zoom.")
+      ? t("Drag with one finger to pan, pinch to zoom.")
       : t("Drag moves the picture, the wheel zooms; Escape goes back to the live view.");
     setText(hint, sentence || (instead().isOpen ? ofStage : usual));
     hint.classList.toggle("usual", !sentence);
@@ -78,7 +78,7 @@ export function viewHands({ scene, form, frame, surface, instead, seen, size, pi
       form.focus(distance);
       tools.choose("");
       const told = t("Sharp at a distance of {distance}.", { distance: distance.toPrecision(4) });
-      tell(form.view().aperture ? told : t("{told} Give the lens an aperture to see it.", { told }));
+      tell(form.view().aperture ? told : t("{told} Set an aperture to see it.", { told }));
       isFocused = !form.view().aperture;
       refresh();
     });
@@ -115,7 +115,7 @@ export function viewHands({ scene, form, frame, surface, instead, seen, size, pi
   const endKeys = addShortcuts([
     { keys: "N", does: t("Auto exposure"), run: exposeAuto },
     { keys: "L", shown: t("L, arrows"), does: t("Turn the light: hold and drag, or press and use the arrows"), run: lightKey.down },
-    { keys: "Escape", does: t("Undo the drag; put the tool away; return to the live view"), run: () => void (tools.escape() || leaveStage()) },
+    { keys: "Escape", does: t("Undo the drag; leave the tool; return to the live view"), run: () => void (tools.escape() || leaveStage()) },
     ...HAND_KEYS.map(({ keys, does }) => ({
       ...{ keys: `View: ${keys}`, does, run: () => {} },
       get shown() {

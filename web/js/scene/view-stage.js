@@ -105,7 +105,7 @@ export function viewStage({ scene, sides, live, look, names, changed }) {
     own.add(
       addShortcuts([
         { keys: "F", does: t("Fit the picture"), run: () => stage.view?.fit() },
-        { keys: "1", does: t("One picture pixel a screen pixel"), run: () => stage.view?.actualSize() },
+        { keys: "1", does: t("One picture pixel per screen pixel"), run: () => stage.view?.actualSize() },
         { keys: "+", does: t("Zoom in"), run: zoom(1) },
         { keys: "-", does: t("Zoom out"), run: zoom(-1) },
         { keys: "X", does: t("Swap left and right"), run: swap },

@@ -76,5 +76,5 @@ export function titleOf(files) {
 /** Returns the error message for files of unsupported types. @param {NamedFile[]} files */
 export function notUploadedTitle(files) {
   const title = titleOf(files);
-  return files.length > 1 ? t("{title} were not taken", { title }) : t("{title} was not taken", { title });
+  return files.length > 1 ? t("{title} were not accepted", { title }) : t("{title} was not accepted", { title });
 }

@@ -33,8 +33,8 @@ export function missingView() {
   async function look() {
     const found = await isOutdated();
     if (found) show(t("Rayfarm was updated"));
-    if (found) why.textContent = t("This tab still has the version before. Reload the page to go on.");
-    else why.textContent = found === null ? t("The service does not answer at the moment.") : t("The connection broke off on the way.");
+    if (found) why.textContent = t("This tab has the previous version. Reload the page to continue.");
+    else why.textContent = found === null ? t("The service does not answer at the moment.") : t("The connection was lost.");
     return found;
   }
   show(t("This part of the page could not be loaded"));

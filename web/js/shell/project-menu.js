@@ -8,7 +8,7 @@ import { projects } from "../news/projects.js";
 /** @returns {HTMLElement} hidden without projects */
 export function projectMenu() {
   const chosen = chosenProject();
-  const menu = h("select", { class: "project-menu", "aria-label": t("Project"), title: t("Project: what you upload and render goes there, and only its members see it") });
+  const menu = h("select", { class: "project-menu", "aria-label": t("Project"), title: t("Project: your uploads and pictures go there, and only its members see them") });
   projects.subscribe((names) => {
     menu.hidden = names.length === 0;
     fill(

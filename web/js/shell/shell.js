@@ -83,7 +83,7 @@ export function buildShell(nav) {
   };
   tallies.subscribe((all) => {
     const running = (all?.running ?? 0) + (all?.queued ?? 0);
-    setTally("jobs", running, t("{n} under way", { n: running }));
+    setTally("jobs", running, t("{n} running", { n: running }));
   });
   workers.subscribe((all) =>
     setTally("workers", all?.length ?? 0, all?.length ? t("{slots} on {workers}", countsOf(all)) : t("No worker is connected"), all?.length === 0),

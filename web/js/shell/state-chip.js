@@ -16,8 +16,8 @@ const STATES = {
   cancelled: ["stop", t("Cancelled")],
   starting: ["clock", t("Starting")],
   draining: ["clock", t("Draining")],
-  resting: ["clock", t("Resting")],
-  "set-aside": ["warning", t("Set aside")],
+  resting: ["clock", t("Outside hours")],
+  "set-aside": ["warning", t("Quarantined")],
 };
 
 /** @param {string} state */

@@ -192,7 +192,7 @@ const pending = [];
 export function undoLast() {
   const undo = pending.at(-1);
   if (undo) undo();
-  else announce(t("There is nothing to take back"));
+  else announce(t("Nothing to undo"));
 }
 
 /**
@@ -203,7 +203,7 @@ export function undoLast() {
  */
 export function undoable(sentence, { commit, undo, seconds = 7 }) {
   const card = new Card(sentence);
-  announce(t("{sentence}. Press Undo or Z to take it back.", { sentence }));
+  announce(t("{sentence}. Press Undo or Z to undo it.", { sentence }));
   let settled = false;
   /** @param {() => void} act */
   const settle = (act) => {
@@ -218,7 +218,7 @@ export function undoable(sentence, { commit, undo, seconds = 7 }) {
   const onLeave = () => settle(commit);
   const takeBack = () => {
     settle(undo);
-    announce(t("Taken back"));
+    announce(t("Undone"));
   };
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;

@@ -74,7 +74,7 @@ async function sendScenes(files, arrival) {
     for (const [suffix, advice] of Object.entries(foreign)) {
       const at = paths.findIndex((path) => path.endsWith(suffix));
       if (at < 0) continue;
-      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), hasCode(codes?.[suffix], UNPACK) ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop what that writes.", { advice: said(advice, codes?.[suffix]) }), { ofUpload: true, action: again });
+      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), hasCode(codes?.[suffix], UNPACK) ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop the result here.", { advice: said(advice, codes?.[suffix]) }), { ofUpload: true, action: again });
       return;
     }
   }
@@ -106,7 +106,7 @@ async function withProgressCard(title, asked) {
   const soon = setTimeout(() => {
     card = new Card(title, { ofUpload: true });
     card.lead.replaceWith(icon("upload"));
-    fill(card.body, h("p", { class: "detail" }, t("Begins as soon as the service answers …")));
+    fill(card.body, h("p", { class: "detail" }, t("Starts when the service responds …")));
   }, ANSWER_MS);
   try {
     return await asked;
@@ -221,7 +221,7 @@ async function sendOnce(files, fields, arrival) {
   const pace = new Pace(total);
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let stalling;
-  const stalled = () => setText(line, t("Nothing was sent for {n} s. It goes on when the connection does.", { n: STALLED_MS / 1000 }));
+  const stalled = () => setText(line, t("Nothing was sent for {n} s. It continues when the connection is back.", { n: STALLED_MS / 1000 }));
   setUnderWay(1);
   const begun = performance.now();
   const mesh = fields["base"] ? Promise.resolve(null) : readLocally(files, abort.signal, fields["main"]).catch(() => null);
@@ -293,7 +293,7 @@ function explainImages(files) {
     const abort = new AbortController();
     addEnvironment(file, { progress: () => {}, signal: abort.signal }).then(
       () => announce(t("{name} is now among the lights of every scene", { name })),
-      (error) => refuse(t("{name} was not taken", { name }), error),
+      (error) => refuse(t("{name} was not accepted", { name }), error),
     );
   };
   const scene = scenes.value?.find(({ status }) => status === "ready");

@@ -54,7 +54,7 @@ export function whichScene(mains) {
         "div",
         { class: "help-body" },
         h("h2", { id: "which-title" }, t("{n} models: which is the scene?", { n: mains.length })),
-        h("p", { class: "quiet" }, t("The others may be parts of it. Or make each one a separate scene.")),
+        h("p", { class: "quiet" }, t("The other files may be parts of it. Or make each one a separate scene.")),
         h(
           "ul",
           { class: "which-list" },
@@ -65,7 +65,7 @@ export function whichScene(mains) {
         h(
           "div",
           { class: "row" },
-          h("button", { class: "button primary", type: "button", onclick: () => close(mains) }, t("Each by itself")),
+          h("button", { class: "button primary", type: "button", onclick: () => close(mains) }, t("As separate scenes")),
           h("button", { class: "button", type: "button", onclick: () => close([]) }, t("Cancel")),
         ),
       ),

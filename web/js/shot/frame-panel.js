@@ -28,7 +28,7 @@ export function framePanel(job, frames, life) {
     if (state === "finished") return announce(t("Frame {number} is finished", { number }));
     const again = state === "failed" ? { again: String(number), state: /** @type {const} */ ("running") } : {};
     announce(t("Frame {number} is rendered first", { number }));
-    void change(job(), { first: number, ...again }, t("The frame was not put first"));
+    void change(job(), { first: number, ...again }, t("The frame could not be moved to the front"));
   };
   const first = h("button", { class: "button wide for-submit", type: "button", title: "Enter", onclick: renderFirst }, icon("play"), h("span"));
   const update = () => {
@@ -42,7 +42,7 @@ export function framePanel(job, frames, life) {
     const isFirst = job().shot?.first === frames.current.value;
     first.hidden = !frame || frame.state === "finished" || job().state === "cancelled";
     first.disabled = isFirst && frame?.state !== "failed";
-    const words = frame?.state === "failed" ? t("Try this frame again") : isFirst ? t("Is rendered first") : t("Render this frame first");
+    const words = frame?.state === "failed" ? t("Try this frame again") : isFirst ? t("Rendered first") : t("Render this frame first");
     setText(/** @type {Element} */ (first.lastElementChild), words);
   };
   life.add(frames.current.subscribe(update));

@@ -46,7 +46,7 @@ export function playBar(frames, player, memory, life) {
   const element = h(
     "div",
     { class: "play-bar", role: "group", "aria-label": t("Play the shot") },
-    h("span", { class: "row buttons" }, button("back", t("The frame before"), t("The frame before (←)"), step(-1)), play, button("next", t("The next frame"), t("The next frame (→)"), step(1)), loop),
+    h("span", { class: "row buttons" }, button("back", t("Previous frame"), t("Previous frame (←)"), step(-1)), play, button("next", t("Next frame"), t("Next frame (→)"), step(1)), loop),
     number,
     scrub,
     marks,

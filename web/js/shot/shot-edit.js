@@ -29,13 +29,13 @@ export function shotEdit(job, frames, life) {
   };
 
   const order = h("select", null, (settingOf("shot", "order").choices ?? []).map(({ name, label }) => h("option", { value: name }, label)));
-  order.addEventListener("change", () => void change(job(), { order: order.value }, t("The order stays")));
+  order.addEventListener("change", () => void change(job(), { order: order.value }, t("The order could not be changed")));
   const orderField = field(t("Order"), order);
 
   const failedText = h("span");
   const again = h(
     "button",
-    { class: "button wide", type: "button", onclick: () => void change(job(), { state: "running" }, t("They were not tried again")) },
+    { class: "button wide", type: "button", onclick: () => void change(job(), { state: "running" }, t("The frames could not be retried")) },
     icon("refresh"),
     failedText,
   );
@@ -57,10 +57,10 @@ export function shotEdit(job, frames, life) {
     {
       class: "text-button small",
       type: "button",
-      title: t("From nothing, as after a change of the scene's files"),
-      onclick: () => part.reportValidity() && void apply({ again: part.value }, t("They are not rendered anew")),
+      title: t("From the first sample, for example after a change of the scene's files"),
+      onclick: () => part.reportValidity() && void apply({ again: part.value }, t("The frames could not be rendered again")),
     },
-    t("Render these anew"),
+    t("Render these again"),
   );
   partForm.append(anew);
 

@@ -40,7 +40,7 @@ export function shotFields(scene, like, changed, asShot = false) {
   const framesField = field(t("Frames"), frames, t("Numbers and ranges: 0-99, or 1-250x5 for every fifth."));
   explain(framesField, t("Frames"), [frames]);
   const everyField = field(t("Every"), every);
-  const turnField = field(t("Once around, s"), turn, setting("turntable").help);
+  const turnField = field(t("Turn duration, s"), turn, setting("turntable").help);
   const stillField = field(t("Frame"), moment);
   moment.title = t("The moment that is shown; halves are frames too. The view follows.");
   const scrub = h("input", { type: "range", min: 0, max: 1, value: "0", "aria-label": t("Moment") });
@@ -135,8 +135,8 @@ export function shotFields(scene, like, changed, asShot = false) {
 /** @param {import("../base/types.js").Clip[]} clips */
 function clipChoices(clips) {
   const seconds = (/** @type {import("../base/types.js").Clip} */ { start, end }) =>
-    t("Moves from {start} to {end} s.", { start: Number(start.toFixed(2)), end: Number(end.toFixed(2)) });
-  const together = { name: "all", label: t("All at once"), help: t("As files mean it that have a clip for each object.") };
+    t("Animated from {start} to {end} s.", { start: Number(start.toFixed(2)), end: Number(end.toFixed(2)) });
+  const together = { name: "all", label: t("All at once"), help: t("For files with one clip per object.") };
   const known = new Set();
   const each = clips.map((clip, i) => {
     // By number if it has no name, or an ambiguous one.

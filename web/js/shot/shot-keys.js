@@ -27,9 +27,9 @@ export function shotKeys(frames, player, renderFirst) {
   };
   return [
     { keys: "Space", does: t("Play or stop the shot"), run: () => player.toggle() },
-    ...step("ArrowLeft", "← →", t("The frame before, the next; with Shift the part that is played grows"), () => frames.at - 1),
+    ...step("ArrowLeft", "← →", t("Previous or next frame; with Shift, extend the played range"), () => frames.at - 1),
     ...step("ArrowRight", null, "", () => frames.at + 1),
-    ...step("Home", "Home, End", t("The first frame, the last; with Shift all up to it is played"), () => 0),
+    ...step("Home", "Home, End", t("First or last frame; with Shift, extend the played range to it"), () => 0),
     ...step("End", null, "", () => last()),
     { keys: "I", does: t("Play from this frame"), run: mark("in") },
     { keys: "O", does: t("Play to this frame"), run: mark("out") },

@@ -48,9 +48,9 @@ export function tokensSection() {
           await show();
         }),
     },
-    field("token-name", t("What it is for"), name),
+    field("token-name", t("Purpose"), name),
     field("token-role", t("Role"), role),
-    field("token-days", t("Lasts"), days),
+    field("token-days", t("Valid for"), days),
     h("button", { class: "button", type: "submit" }, t("Create a token")),
   );
   show().catch((error) => showError(t("The tokens cannot be shown"), error));
@@ -115,7 +115,7 @@ function userRow(user, show, tell) {
       () => announce(t("The new role applies now")),
       (error) => {
         role.value = user.role;
-        showError(t("Not done"), error);
+        showError(t("The change was not made"), error);
       },
     ),
   );
@@ -125,10 +125,10 @@ function userRow(user, show, tell) {
     { class: "access-row user-row" },
     h("div", null, h("strong", null, name), h("div", { class: "quiet small" }, user.sessions ? `${about} · ${t("logged in")}` : about)),
     role,
-    h("button", { class: "button small", type: "button", onclick: () => void tell(name).catch((error) => showError(t("Not done"), error)) }, icon("link"), t("Link")),
+    h("button", { class: "button small", type: "button", onclick: () => void tell(name).catch((error) => showError(t("The change was not made"), error)) }, icon("link"), t("Link")),
     name === session.value.name
       ? h("span", null)
-      : removing(t("Remove {name}", { name }), () => void removeUser(name).then(show).catch((error) => showError(t("Not done"), error))),
+      : removing(t("Remove {name}", { name }), () => void removeUser(name).then(show).catch((error) => showError(t("The change was not made"), error))),
   );
 }
 
@@ -154,7 +154,7 @@ export function auditSection() {
     "details",
     { class: "audit", ontoggle: () => details.open && void show().catch((error) => showError(t("The audit log cannot be shown"), error)) },
     h("summary", null, t("Who did what")),
-    h("div", { class: "scrolls", tabIndex: 0 }, h("table", null, h("thead", null, h("tr", null, [t("When"), t("Who"), t("What"), t("Status"), t("From")].map((head) => h("th", { scope: "col" }, head)))), body)),
+    h("div", { class: "scrolls", tabIndex: 0 }, h("table", null, h("thead", null, h("tr", null, [t("Time"), t("User"), t("Action"), t("Status"), t("From")].map((head) => h("th", { scope: "col" }, head)))), body)),
   );
   return section(t("Audit log"), details);
 }

@@ -33,7 +33,7 @@ export const removing = (label, run) => h("button", { class: "icon-button danger
 export const once = (sentence, text) => h("div", { class: "told-once", role: "status" }, h("p", null, sentence), command(text));
 
 /** @param {() => Promise<unknown>} deed */
-export const tried = (deed) => void deed().catch((error) => showError(t("Not done"), error));
+export const tried = (deed) => void deed().catch((error) => showError(t("The change was not made"), error));
 
 /** @param {Event} event @param {() => Promise<unknown>} deed */
 export const submitted = (event, deed) => {

@@ -12,9 +12,9 @@ import { quotaSection } from "./quota.js";
 
 /** Descriptions of the roles. */
 const ROLES = /** @type {Record<string, string>} */ ({
-  view: t("You can look at everything."),
-  submit: t("You can look at everything, upload scenes and render."),
-  admin: t("You can do everything, and decide who else is let in."),
+  view: t("You can view everything."),
+  submit: t("You can view everything, upload scenes and render."),
+  admin: t("You can do everything, including managing users."),
 });
 
 /** @returns {{element: HTMLElement, dispose: () => void}} */

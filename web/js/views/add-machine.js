@@ -29,7 +29,7 @@ function unreachable({ start }) {
     h("p", null, t("Other machines cannot reach this farm yet.")),
     ...(start
       ? [
-          h("p", { class: "quiet" }, t("Stop it, and start it like this where you started it. This page then shows the command for other machines.")),
+          h("p", { class: "quiet" }, t("Stop the farm, and start it again with this command. This page then shows the command for other machines.")),
           command(start),
         ]
       : []),

@@ -105,7 +105,7 @@ export function compareView(a, b) {
     }
     const waits = all.find(({ id, width }) => ids.includes(id) && !width);
     if (waits) {
-      instead(waits.name, saidOf(waits, waits.error ? "error" : "message") || t("Waits for its scene."));
+      instead(waits.name, saidOf(waits, waits.error ? "error" : "message") || t("Waiting for its scene."));
       return;
     }
     const lost = ids.map(referenceId).find((id) => id !== null && references.value && !references.value.some((each) => each.id === id));

@@ -41,7 +41,7 @@ export function homeView() {
   const notice = h("div", { class: "notice-slot" });
   const zone = dropZone();
   life.add(placeUploads(zone));
-  const nothing = emptyPage("image", t("There is nothing to look at yet"), t("What others upload and render appears here, as far as you may see it."));
+  const nothing = emptyPage("image", t("Nothing here yet"), t("Scenes and pictures that others share with you appear here."));
   nothing.hidden = true;
   const grid = sceneGrid();
   const sceneSection = section(t("Scenes"), grid.element, grid.aside);

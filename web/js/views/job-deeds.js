@@ -39,7 +39,7 @@ export async function change(ids, change, done) {
     }
     undoable(tn(changed.length, "{n} job {done}", "{n} jobs {done}", { done }), {
       commit: () => {},
-      undo: () => void restore(changed).catch((error) => showError(t("That could not be taken back"), error)),
+      undo: () => void restore(changed).catch((error) => showError(t("Could not undo"), error)),
     });
   } catch (error) {
     showError(t("The jobs could not be {done}", { done }), error);

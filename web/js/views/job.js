@@ -78,7 +78,7 @@ export function jobView(id) {
         update(job);
       } else if (job) {
         // Its size is the scene's, and that is not known yet.
-        instead(emptyPage("clock", job.name, h("p", null, saidOf(job, job.error ? "error" : "message") || t("Waits for its scene."))));
+        instead(emptyPage("clock", job.name, h("p", null, saidOf(job, job.error ? "error" : "message") || t("Waiting for its scene."))));
       } else if (all && !asked) {
         asked = true;
         getJob(id).then(adoptJob, (error) => {
@@ -139,7 +139,7 @@ function open(page, job, life) {
   const notes = notesPanel(() => latest, picture, life, { open: () => tabs.show("notes"), begin: () => tools.release(), goTo: (frame) => shot?.goTo(frame) });
   const histogram = histogramPanel(picture.live, display, life);
   picture.tools.append(tools.element);
-  const putAway = { keys: "Escape", does: t("Put the tool away; close the explanation"), run: () => (explained.close(), tools.release()) };
+  const putAway = { keys: "Escape", does: t("Leave the tool; close the explanation"), run: () => (explained.close(), tools.release()) };
   const chip = stateChip(job.state);
   const judged = verdictChip();
   const line = progressBar(t("Progress"));
@@ -287,7 +287,7 @@ function details(job, life) {
     [t("Size"), `${job.width}×${job.height}`],
     [t("Field of view"), job.settings && `${Number(job.settings.view.fov.toFixed(1))}°`],
     ...told(job.settings),
-    [t("Asked for by"), askedBy(job) || null],
+    [t("Submitted by"), askedBy(job) || null],
     [t("Job"), h("code", null, job.id)],
   ];
   return h(

@@ -142,8 +142,8 @@ export function jobsView() {
   };
   const isFree = mayChange(chosenProject()); // without permission to change there is nothing to select for
   const selecting = [
-    { keys: "X", does: t("Select the job that has the focus"), run: () => selection.toggleFocused() },
-    { keys: "Ctrl+A", does: t("Select all that are listed"), run: () => {} },
+    { keys: "X", does: t("Select the focused job"), run: () => selection.toggleFocused() },
+    { keys: "Ctrl+A", does: t("Select all listed"), run: () => {} },
     { keys: "Escape", does: t("Select none"), run: () => selection.clear() },
     { keys: "Delete", does: t("Delete the selection"), run: () => bar.remove() },
   ];
@@ -151,7 +151,7 @@ export function jobsView() {
     addShortcuts([
       { keys: "/", does: t("Search"), run: () => search.focus() },
       { keys: "ArrowDown", shown: "↓", does: t("Next job"), run: () => step(1) },
-      { keys: "ArrowUp", shown: "↑", does: t("Job before"), run: () => step(-1) },
+      { keys: "ArrowUp", shown: "↑", does: t("Previous job"), run: () => step(-1) },
       ...(isFree ? selecting : []),
     ]),
   );

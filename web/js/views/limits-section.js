@@ -81,7 +81,7 @@ function limitRow(nameOf, renew) {
   /** @param {string} whose */
   const ask = (whose) => {
     pending += 1;
-    const told = last.then(() => setQuota(whose, wanted())).then(() => announce(t("The new limit applies now")), (error) => showError(t("Not done"), error));
+    const told = last.then(() => setQuota(whose, wanted())).then(() => announce(t("The new limit applies now")), (error) => showError(t("The change was not made"), error));
     last = told.then(() => (pending -= 1)).then(renew).catch((error) => showError(t("The limits cannot be shown"), error));
   };
   /** The fields' values; the previous one for an invalid field. @returns {Amounts} */
@@ -102,8 +102,8 @@ function limitRow(nameOf, renew) {
       const isToken = allowance.whose.startsWith("token:");
       const called = isToken ? (nameOf(allowance.whose) ?? allowance.whose) : allowance.whose.replace(/^user:/, "");
       setText(name, called);
-      setText(kind, isToken ? t("token, beside its user's") : allowance.is_own ? t("limits of its own") : t("as everybody"));
-      const away = isToken ? t("No limits for the token {name}", { name: called }) : t("For {name} as for everybody", { name: called });
+      setText(kind, isToken ? t("token, in addition to its user's") : allowance.is_own ? t("own limits") : t("default limits"));
+      const away = isToken ? t("No limits for the token {name}", { name: called }) : t("Use the default limits for {name}", { name: called });
       reset.title = away;
       reset.setAttribute("aria-label", away);
       reset.style.visibility = allowance.is_own ? "" : "hidden";
@@ -115,7 +115,7 @@ function limitRow(nameOf, renew) {
         const has = allowance.used[name] ?? 0;
         const isFull = limit !== null && has >= limit;
         used.classList.toggle("full", isFull);
-        setText(used, isFull ? t("{used} used: no more", { used: said(has) }) : t("{used} used", { used: said(has) }));
+        setText(used, isFull ? t("{used} used: limit reached", { used: said(has) }) : t("{used} used", { used: said(has) }));
       }
     },
   };

@@ -17,7 +17,7 @@ const REFUSED = {
   cancelled: t("The login was not finished at the provider. Try again."),
   late: t("That login was begun too long ago, or in another browser. Try again."),
   provider: t("The provider cannot be reached, or its answer is not right. Try again, or ask the administrator of this farm."),
-  role: t("The provider knows you, but you have no role here. Ask the administrator of this farm."),
+  role: t("You are logged in at the provider, but have no role here. Ask the administrator of this farm."),
   name: t("This name is already in use or not allowed here. Ask the administrator of this farm."),
 };
 

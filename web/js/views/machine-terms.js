@@ -17,7 +17,7 @@ export function machineTerms() {
   /** @type {Worker | null} */
   let latest = null;
   const hours = h("input", { type: "text", placeholder: t("always"), maxLength: 500, spellcheck: "false", autocomplete: "off" });
-  const idle = h("input", { type: "number", min: 0, max: 1000000, step: "any", placeholder: t("in any case") });
+  const idle = h("input", { type: "number", min: 0, max: 1000000, step: "any", placeholder: t("not required") });
   const slots = h("input", { type: "number", min: 1, max: 4096, step: 1 });
   const memory = h("input", { type: "number", min: 0, max: 1000000, step: "any", placeholder: t("no limit") });
   const nice = h("input", { type: "number", min: 0, max: 19, step: 1 });
@@ -45,11 +45,11 @@ export function machineTerms() {
   const fields = h(
     "div",
     { class: "terms" },
-    field(t("Works"), hours, t("For example Mon-Fri 19:00-07:00, Sat-Sun, by the machine's clock.")),
+    field(t("Hours"), hours, t("For example Mon-Fri 19:00-07:00, Sat-Sun, by the machine's clock.")),
     field(t("Idle for, minutes"), idle, t("Works only if nobody has used the machine for this long.")),
     field(t("Max slots"), slots),
     field(t("Memory, GB"), memory),
-    field(t("Nice level"), nice, t("0 to 19: how much it gives way to other programs.")),
+    field(t("Nice level"), nice, t("0 to 19: a higher value yields more to other programs.")),
     by,
   );
   const old = h("p", { class: "quiet small", hidden: true }, t("It runs an older release, so it can only be paused."));
@@ -75,13 +75,13 @@ export function machineTerms() {
       put(memory, offer.memory_limit ? String(offer.memory_limit / GB) : "");
       put(nice, String(offer.nice));
       by.hidden = !offer.idle_minutes;
-      setText(by, offer.idle_by.length ? t("Notices people by: {ways}", { ways: offer.idle_by.map((way) => WAYS[way] ?? way).join(", ") }) : t("It cannot tell whether somebody is using the machine."));
+      setText(by, offer.idle_by.length ? t("Detects use by: {ways}", { ways: offer.idle_by.map((way) => WAYS[way] ?? way).join(", ") }) : t("Cannot detect whether the machine is in use."));
     },
   };
 }
 
 /** @type {Record<string, string>} */
-const WAYS = { load: t("what other programs take"), terminals: t("terminals"), desktop: t("the desktop"), screen: t("screen and keyboard") };
+const WAYS = { load: t("load of other programs"), terminals: t("terminals"), desktop: t("the desktop"), screen: t("screen and keyboard") };
 
 /** Does not overwrite a field that has focus. @param {HTMLInputElement} input @param {string} value */
 function put(input, value) {

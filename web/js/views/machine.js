@@ -83,7 +83,7 @@ export function machineCard() {
     setText(cpu, worker.transport === "https" ? t("{cpu}, over HTTPS", { cpu: worker.cpu }) : worker.cpu);
     cpu.title = worker.cpu;
     chip.update(state);
-    const draining = busy ? tn(busy, " {n} slot still finishes what it has in hand.", " {n} slots still finish what they have in hand.") : "";
+    const draining = busy ? tn(busy, " {n} slot is finishing its current work.", " {n} slots are finishing their current work.") : "";
     setText(why, worker.state === "paused" ? `${saidOf(worker, "message")}${draining}` : "");
     const now = speedOf(worker);
     setText(speed, now ? t("{n} samples/s", { n: compact(now) }) : busy ? "–" : t("Idle"));
@@ -91,7 +91,7 @@ export function machineCard() {
     setText(peak, most ? t("Last hour, up to {n}/s", { n: compact(most) }) : t("Last hour"));
     line.update(worker.speeds ?? []);
     const { memory_used: used, memory_total: total } = worker;
-    setText(memory, used != null && total ? t("{done} of {all}", { done: bytes(used), all: bytes(total) }) : t("not told"));
+    setText(memory, used != null && total ? t("{done} of {all}", { done: bytes(used), all: bytes(total) }) : t("not reported"));
     gauge.hidden = used == null || !total;
     if (used != null && total) {
       /** @type {HTMLElement} */ (gauge.firstElementChild).style.transform = `scaleX(${Math.min(1, used / total)})`;
@@ -103,7 +103,7 @@ export function machineCard() {
     const all = Array.from({ length: worker.slots }, (_, i) => ({ key: String(i), slot: worker.current[i] ?? {} }));
     showSlots(all);
     fill(button, icon(isPaused ? "play" : "pause"), isPaused ? t("Resume") : t("Pause"));
-    button.title = isPaused ? t("Takes work again") : t("Finishes its current work and takes no more");
+    button.title = isPaused ? t("Accepts work again") : t("Finishes its current work and takes no more");
   };
   const fact = (/** @type {string} */ title, /** @type {HTMLElement[]} */ ...shown) => h("div", null, h("dt", null, title), ...shown);
   return {
@@ -218,7 +218,7 @@ function sayWhere(label, slot, name, key) {
     ? [linkTo("jobs", slot.job), name ?? t("A picture")]
     : slot.scene
       ? [linkTo("scenes", slot.scene), t("Prepares a scene")]
-      : ["", slot.hidden ? t("Works for a project you cannot see") : t("Slot {number}", { number: Number(key) + 1 })];
+      : ["", slot.hidden ? t("Rendering for a project that you cannot see") : t("Slot {number}", { number: Number(key) + 1 })];
   const said = slot.compiling ? t("{text}, compiling", { text }) : text;
   if (label.title === `${href} ${said}`) return;
   label.title = `${href} ${said}`;

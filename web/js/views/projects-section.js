@@ -83,7 +83,7 @@ function memberRow(project, user, show) {
       () => announce(t("The new role applies now")),
       (error) => {
         role.value = now;
-        showError(t("Not done"), error);
+        showError(t("The change was not made"), error);
       },
     ),
   );
@@ -93,8 +93,8 @@ function memberRow(project, user, show) {
 
 /** @param {Project} project @param {string[]} others @param {() => Promise<void>} show */
 function newMember(project, others, show) {
-  const user = choice(others.map((name) => [name, name]), others[0] ?? "", { "aria-label": t("Who joins {project}", { project: project.name }) });
-  const role = choice(ROLES, "submit", { "aria-label": t("Role of who joins {project}", { project: project.name }) });
+  const user = choice(others.map((name) => [name, name]), others[0] ?? "", { "aria-label": t("New member of {project}", { project: project.name }) });
+  const role = choice(ROLES, "submit", { "aria-label": t("Role of the new member of {project}", { project: project.name }) });
   return h(
     "form",
     { onsubmit: (/** @type {Event} */ event) => submitted(event, () => addMember(project.name, user.value, /** @type {MemberRole} */ (role.value)).then(show)) },

@@ -43,6 +43,6 @@ function row(label, used, limit, said) {
     "div",
     { class: isFull && "full" },
     h("dt", null, label),
-    h("dd", { class: "number" }, isFull ? t("{text}: no more", { text }) : text, h("meter", { min: 0, max: Math.max(limit, 1), value: Math.min(used, limit) || (isFull ? 1 : 0), "aria-label": label })),
+    h("dd", { class: "number" }, isFull ? t("{text}: limit reached", { text }) : text, h("meter", { min: 0, max: Math.max(limit, 1), value: Math.min(used, limit) || (isFull ? 1 : 0), "aria-label": label })),
   );
 }

@@ -133,7 +133,7 @@ function shortFacts(scene) {
   if (counts.spheres) parts.push(tn(counts.spheres, "{n} sphere", "{n} spheres"));
   if (counts.textures) parts.push(tn(counts.textures, "{n} texture", "{n} textures"));
   const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));
-  if (end) parts.push(t("moves for {n} s", { n: Number(end.toFixed(1)) }));
+  if (end) parts.push(t("{n} s of animation", { n: Number(end.toFixed(1)) }));
   if (scenes.value?.some(({ id, name }) => name === scene.name && id !== scene.id)) parts.push(ago(scene.created));
   return parts;
 }

@@ -410,7 +410,7 @@ function facts(scene) {
     .map(([name, n]) => [COUNTED[name] ?? name, count(n)]);
   if (scene.cameras.length > 1) rows.push([t("Cameras"), count(scene.cameras.length - 1)]); // without the automatic one
   const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));
-  if (end) rows.push([t("Moves"), t("{n} s at {fps} fps", { n: Number(end.toFixed(2)), fps: scene.fps ?? "" })]);
+  if (end) rows.push([t("Animation"), t("{n} s at {fps} fps", { n: Number(end.toFixed(2)), fps: scene.fps ?? "" })]);
   if ((scene.clips?.length ?? 0) > 1) rows.push([t("Clips"), count(scene.clips?.length ?? 0)]);
   const [lo, hi] = scene.bounds ?? [];
   if (lo && hi) rows.push([t("Extent"), extent(hi.map((v, i) => v - (lo[i] ?? 0)))]);

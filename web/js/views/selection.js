@@ -98,7 +98,7 @@ export function selectionBar(selection, jobOf) {
   const priority = h("input", { type: "number", min: "-100", max: "100", step: "1", value: "0", "aria-label": t("Priority, -100 to 100; higher is sooner") });
   const prioritise = () => {
     if (priority.reportValidity() && priority.value !== "")
-      void change(ids(), { priority: Number(priority.value) }, t("given the priority {n}", { n: Number(priority.value) }));
+      void change(ids(), { priority: Number(priority.value) }, t("set to priority {n}", { n: Number(priority.value) }));
   };
   const all = h("button", { class: "text-button", type: "button", onclick: () => selection.all() }, t("Select all"));
   const compare = h("a", { class: "button small" }, icon("compare"), t("Compare"));

@@ -33,7 +33,7 @@ export function sharesSection(life) {
       },
     },
     project,
-    h("button", { class: "button small", type: "submit" }, t("Give it its own share")),
+    h("button", { class: "button small", type: "submit" }, t("Add share")),
   );
   let offered = "";
   /** @param {Share[]} all */
@@ -45,11 +45,11 @@ export function sharesSection(life) {
     offered = free.join();
     fill(project, free.map((name) => h("option", { value: name }, name)));
   };
-  const empty = h("p", { class: "quiet", hidden: true }, t("Nobody has jobs or special terms: everybody would share equally."));
+  const empty = h("p", { class: "quiet", hidden: true }, t("No jobs, and no shares set: all users share equally."));
   const table = h(
     "table",
     { class: "shares number" },
-    h("thead", null, h("tr", null, [t("Whose"), t("Weight"), t("Max slots"), t("Slots now"), t("Jobs")].map((head) => h("th", { scope: "col" }, head)), h("td", null))),
+    h("thead", null, h("tr", null, [t("Owner"), t("Weight"), t("Max slots"), t("Slots now"), t("Jobs")].map((head) => h("th", { scope: "col" }, head)), h("td", null))),
     body,
   );
   const shares = new Listing(getShares);
@@ -121,7 +121,7 @@ function shareRow(changed) {
     const label = share.share === "everybody" ? t("Everybody") : isProject ? t("Project {name}", { name: who }) : who;
     setText(name, label);
     name.title = label;
-    const away = isProject ? t("No share for {name}: its jobs are their users'", { name: label }) : t("{name} as all by themselves", { name: label });
+    const away = isProject ? t("Remove the share of {name}: its jobs count towards their users", { name: label }) : t("Remove the share of {name}", { name: label });
     reset.title = away;
     reset.setAttribute("aria-label", away);
     reset.hidden = !may("admin") || (!isProject && share.weight === 1 && share.max_slots === null);

@@ -40,7 +40,7 @@ function siteLine() {
     update: (site) =>
       setText(
         element,
-        t("Site {name} on {host} adds up for {workers}: {sent} results of {results}, {out} in place of {in}", {
+        t("Site {name} on {host} combines results for {workers}: {results} results became {sent}, {in} became {out}", {
           name: site.name,
           host: site.host,
           workers: tn(site.workers.length, "{n} worker", "{n} workers"),

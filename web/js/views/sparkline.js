@@ -29,7 +29,7 @@ export function sparkline() {
       line.setAttribute("d", first ? `M${points.join("L")}h0.5` : "");
       area.setAttribute("d", first ? `M${points.join("L")}h0.5V16H${first.split(" ")[0]}Z` : "");
       const low = Math.min(...values);
-      svg.setAttribute("aria-label", values.length ? t("{n} minutes: from {low} to {most} samples/s", { n: values.length, low: compactly(low), most: compactly(most) }) : t("no numbers yet"));
+      svg.setAttribute("aria-label", values.length ? t("{n} minutes: from {low} to {most} samples/s", { n: values.length, low: compactly(low), most: compactly(most) }) : t("no figures yet"));
     },
   };
 }
