@@ -125,7 +125,7 @@ def test_dropped_picture_becomes_reference(farm: Farm, watched: Watched, tmp_pat
     expect(ways).to_contain_text("of different sizes")
     expect(panel).to_contain_text("8 bits a channel")
     page.evaluate(DROP, ["broken.exr", [1, 2, 3]])
-    expect(page.get_by_text("broken.exr was not taken")).to_be_visible()
+    expect(page.get_by_text("broken.exr was not accepted")).to_be_visible()
 
     # A picture that no side shows is released.
     page.get_by_label("Picture A").select_option(job)

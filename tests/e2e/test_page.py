@@ -162,7 +162,7 @@ def test_invalid_scene_shows_error_of_service(farm: Farm, watched: Watched) -> N
     # If the service does not respond, or an upload is interrupted, the same files are sent again.
     page.route("**/api/info", lambda route: route.abort("connectionrefused"))
     drop(page, "broken.glb", b"glTF, but not really")
-    expect(alert).to_contain_text("broken.glb was not taken")
+    expect(alert).to_contain_text("broken.glb was not accepted")
     expect(alert).to_contain_text("The service does not answer")
     page.unroute("**/api/info")
     page.route(
