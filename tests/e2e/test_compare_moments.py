@@ -39,7 +39,7 @@ def test_snapshot_is_shown_and_compared_with_current_picture(farm: Farm, watched
     page = watched.page
     page.goto(f"{farm.url}/#/jobs/{job}?ev=-1&tone=hue")
     slider = page.get_by_role("slider", name="Moment")
-    expect(slider).to_have_attribute("aria-valuetext", "As it is now")
+    expect(slider).to_have_attribute("aria-valuetext", "Current")
     page.keyboard.press("1")
     page.mouse.move(5, 5)
     assert_screen(page, pictures[1], "now")
@@ -61,12 +61,12 @@ def test_snapshot_is_shown_and_compared_with_current_picture(farm: Farm, watched
     expect(slider).to_have_attribute("aria-valuetext", re.compile(f"^{spp} sample"))
     # Planes exist only for the current picture.
     page.get_by_label("Channel").select_option("albedo")
-    expect(slider).to_have_attribute("aria-valuetext", "As it is now")
+    expect(slider).to_have_attribute("aria-valuetext", "Current")
     page.get_by_role("button", name="Fewer samples").click()
     expect(page.get_by_label("Channel")).to_have_value("")
     page.get_by_role("button", name="Back to now").click()
     expect(page.get_by_label("Channel")).to_have_value("albedo")
-    expect(slider).to_have_attribute("aria-valuetext", "As it is now")
+    expect(slider).to_have_attribute("aria-valuetext", "Current")
     page.get_by_label("Channel").select_option("")
 
     page.goto(f"{farm.url}/#/compare/{job}/{job}?ta={spp}&ev=-1&tone=hue")

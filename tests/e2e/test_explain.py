@@ -61,7 +61,7 @@ def test_pixel_explanation_is_drawn_over_picture(farm: Farm, finished: str, watc
     expect(panel.locator("dl")).to_contain_text("Throughput")
     panel.get_by_role("spinbutton", name="Number of a sample").fill("5")
     panel.get_by_role("button", name="Follow").click()
-    expect(panel.get_by_role("radio", name="Asked for")).to_be_checked()
+    expect(panel.get_by_role("radio", name="Requested")).to_be_checked()
     page.keyboard.press("Escape")  # typing is not affected
     page.locator("h1").click()
     page.keyboard.press("Escape")

@@ -43,7 +43,7 @@ def test_machines_show_current_work_and_can_be_paused(many: Service, watched: Wa
         expect(box).to_have_attribute("style", "left: 10%; top: 35.5556%; width: 10%; height: 17.7778%;")
         expect(alpha.locator(".slot-tiles > li").last.get_by_text("Idle")).to_be_visible()
         expect(beta).to_contain_text("Set aside: 3 of its batches failed")
-        expect(beta.locator(".chip")).to_have_text("Set aside")
+        expect(beta.locator(".chip")).to_have_text("Quarantined")
 
         alpha.get_by_role("button", name="Pause").click()
         expect(alpha).to_contain_text("Draining")

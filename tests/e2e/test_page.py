@@ -169,7 +169,7 @@ def test_invalid_scene_shows_error_of_service(farm: Farm, watched: Watched) -> N
         "**/api/scenes", lambda route: route.abort("connectionreset") if route.request.method == "POST" else route.continue_()
     )
     alert.get_by_role("button", name="Try again").click()
-    expect(alert).to_contain_text("The upload broke off")
+    expect(alert).to_contain_text("The upload was interrupted")
     page.unroute("**/api/scenes")
     alert.get_by_role("button", name="Try again").click()
     problem = page.get_by_role("alert")

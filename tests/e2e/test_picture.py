@@ -225,7 +225,7 @@ def test_history_shows_events_of_job(farm: Farm, finished: str, watched: Watched
     expect(details).not_to_contain_text("Caustics")  # its request leaves it out: the default
     page.get_by_text("History", exact=True).click()
     timeline = page.locator(".timeline")
-    expect(timeline.get_by_role("listitem").first).to_contain_text("Asked for")
+    expect(timeline.get_by_role("listitem").first).to_contain_text("Requested")
     expect(timeline).to_contain_text("First picture")
     expect(timeline.get_by_role("listitem").last).to_contain_text("Finished")
     assert watched.errors == []

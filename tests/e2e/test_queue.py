@@ -30,9 +30,9 @@ def test_job_shows_dependencies_and_deadline(many: Service, watched: Watched) ->
     assert many.job(job)["waits_for"] == []
 
     panel.get_by_text("Queue").click()
-    panel.get_by_label("Wanted by").fill("2035-05-01T08:00")
-    panel.get_by_label("Wanted by").blur()
-    expect(panel.get_by_text("Wanted by Tue, May 1, 08:00 AM.")).to_be_visible()
+    panel.get_by_label("Deadline").fill("2035-05-01T08:00")
+    panel.get_by_label("Deadline").blur()
+    expect(panel.get_by_text("Deadline: Tue, May 1, 08:00 AM.")).to_be_visible()
     panel.get_by_label("Max slots").fill("3")
     panel.get_by_label("Needs").fill("gpu, memory_gb=32")
     panel.get_by_label("Priority").fill("5")
@@ -110,16 +110,16 @@ def test_working_hours_of_machine_are_changed(many: Service, watched: Watched) -
         old.get_by_text("Hours and limits").click()
         expect(old).to_contain_text("an older release, so it can only be paused")
         new.get_by_text("Hours and limits").click()
-        new.get_by_label("Works", exact=True).fill("Sat-Sun")
+        new.get_by_label("Hours", exact=True).fill("Sat-Sun")
         new.get_by_label("Max slots").fill("3")
         new.get_by_label("Nice level").fill("7")
         new.get_by_label("Nice level").blur()
         until(lambda: attic.terms == Terms("Sat-Sun", slots=3, nice=7), "it is told", say=lambda: attic.terms)
         attic.rests = "Outside its hours: Sat-Sun."
-        expect(new.locator(".chip")).to_have_text("Resting")
+        expect(new.locator(".chip")).to_have_text("Outside hours")
         expect(new).to_contain_text("Outside its hours: Sat-Sun.")
         expect(new.get_by_role("button", name="Pause")).to_be_visible()
-        new.get_by_label("Works", exact=True).fill("Mondays")
-        new.get_by_label("Works", exact=True).blur()
+        new.get_by_label("Hours", exact=True).fill("Mondays")
+        new.get_by_label("Hours", exact=True).blur()
         expect(page.get_by_text("give hours as Mon-Fri 19:00-07:00, Sat-Sun")).to_be_visible()
     assert all("422" in error for error in watched.errors), watched.errors

@@ -36,14 +36,14 @@ def test_unchanged_options_are_not_requested(form: Page) -> None:
 
 def test_queue_options_are_requested(form: Page) -> None:
     fold = form.locator(".queue-fold")
-    fold.get_by_label("Wanted by").fill("2035-05-01T08:00")
+    fold.get_by_label("Deadline").fill("2035-05-01T08:00")
     fold.get_by_label("Priority").fill("5")
     fold.get_by_label("Max slots").fill("3")
     fold.get_by_label("Needs").fill("gpu, memory_gb=12")
     fold.get_by_label("After", exact=True).select_option(label="The hero")
     fold.get_by_label("After", exact=True).select_option(label="The set · 25 %")
     expect(fold.get_by_label("After", exact=True)).to_be_disabled()
-    fold.get_by_role("button", name="Not after The set").click()
+    fold.get_by_role("button", name="Do not wait for The set").click()
     expect(fold.get_by_label("After", exact=True)).to_be_focused()
     fold.get_by_label("Verified, %").fill("2.5")
     fold.get_by_label("Render again from the first sample").check()
@@ -63,7 +63,7 @@ def test_invalid_option_shows_error_at_its_field(form: Page) -> None:
     fold.locator("summary").click()
     for label, wrong, said, right in (
         ("Needs", "GPU", "“GPU” is not valid", "gpu"),
-        ("Wanted by", "2001-05-01T08:00", "this moment has passed", ""),
+        ("Deadline", "2001-05-01T08:00", "this time has passed", ""),
         ("Max slots", "0", "is at least 1", ""),
         ("Verified, %", "101", "lies between 0 and 100", ""),
     ):

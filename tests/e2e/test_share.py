@@ -64,7 +64,7 @@ def new_link(page: Page, service: Service, permission: str) -> str:
     """Creates a share link on a job's page; returns its address."""
     page.get_by_role("tab", name="Save").click()
     share = page.get_by_role("region", name="Share")
-    share.get_by_label("Allows").select_option(permission)
+    share.get_by_label("Permission").select_option(permission)
     share.get_by_role("button", name="Create link").click()
     address = share.locator("code").text_content() or ""
     assert address.startswith(f"{service.url}/shared/#rayfarm-share-")

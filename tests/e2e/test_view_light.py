@@ -60,7 +60,7 @@ def test_light_is_rotated_and_sun_placed_in_view(farm: Farm, watched: Watched, s
     wait_until(lambda: seen() > before, 60, "the turned light is seen while it is held")
     assert rotation.input_value() == str(turn)
     page.keyboard.press("Escape")
-    expect(readout).to_contain_text("Taken back: Rotation 0°")
+    expect(readout).to_contain_text("Undone: Rotation 0°")
     assert rotation.input_value() == "0"
     page.mouse.up()
     page.keyboard.up("l")
