@@ -289,7 +289,7 @@ def farm_stall_reason(roster: WorkerSnapshot) -> str | None:
     if all(report.state == "paused" or name in roster.orders for name, report in roster.reports.items()):
         rest = any(offer.why for name, offer in roster.offers.items() if name in roster.reports and name not in roster.orders)
         return (
-            Sentence("job-waits-workers-resting", "Waits: all workers are resting or paused.")
+            Sentence("job-waits-workers-resting", "Waits: all workers are inactive or paused.")
             if rest
             else Sentence("job-waits-workers-paused", "Waits: all workers are paused.")
         )

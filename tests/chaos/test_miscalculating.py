@@ -51,7 +51,7 @@ def test_a_machine_that_miscalculates_is_found_out_and_leaves_no_trace(tmp_path:
         wait_until(lambda: {state(name)["state"] for name in ("honest", LIAR)} == {"ready"}, 120, "all have joined")
         job = submit(farm, SPP, verify=1.0, tile_size=32)
         wait_until(lambda: state(LIAR)["state"] == "paused", 120, "it is found out")
-        assert "Set aside: its results differ from those of other workers" in str(state(LIAR))
+        assert "Quarantined: its results differ from those of other workers" in str(state(LIAR))
         with farm.client() as client:
             final = client.wait(job, timeout_s=240)
             assert final.state == "finished", f"{final}\n{farm.logs()}"

@@ -33,7 +33,7 @@ def test_machines_show_current_work_and_can_be_paused(many: Service, watched: Wa
         say(store, "alpha", [batch, {}])
         say(store, "beta", [{}])
         store.set(vitals_key("alpha"), Vitals(16_000_000_000, 64_000_000_000).to_bytes(), ex=60)
-        reason = "Set aside: {failures} of its batches failed while other workers rendered theirs. Check its log, then resume it."
+        reason = "Quarantined: {failures} of its batches failed while other workers rendered theirs. Check its log, then resume it."
         store.set(pause_key("beta"), to_text(Sentence("worker-quarantined-failures", reason, failures=3)))
         page.goto(f"{many.url}/#/workers")
         alpha, beta = (page.locator(".machine").filter(has_text=name) for name in ("alpha", "beta"))
@@ -42,7 +42,7 @@ def test_machines_show_current_work_and_can_be_paused(many: Service, watched: Wa
         box = alpha.locator(".tile-box").first
         expect(box).to_have_attribute("style", "left: 10%; top: 35.5556%; width: 10%; height: 17.7778%;")
         expect(alpha.locator(".slot-tiles > li").last.get_by_text("Idle")).to_be_visible()
-        expect(beta).to_contain_text("Set aside: 3 of its batches failed")
+        expect(beta).to_contain_text("Quarantined: 3 of its batches failed")
         expect(beta.locator(".chip")).to_have_text("Quarantined")
 
         alpha.get_by_role("button", name="Pause").click()

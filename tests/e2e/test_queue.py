@@ -116,7 +116,7 @@ def test_working_hours_of_machine_are_changed(many: Service, watched: Watched) -
         new.get_by_label("Nice level").blur()
         until(lambda: attic.terms == Terms("Sat-Sun", slots=3, nice=7), "it is told", say=lambda: attic.terms)
         attic.rests = "Outside its hours: Sat-Sun."
-        expect(new.locator(".chip")).to_have_text("Outside hours")
+        expect(new.locator(".chip")).to_have_text("Inactive")
         expect(new).to_contain_text("Outside its hours: Sat-Sun.")
         expect(new.get_by_role("button", name="Pause")).to_be_visible()
         new.get_by_label("Hours", exact=True).fill("Mondays")

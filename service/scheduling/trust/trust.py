@@ -232,7 +232,7 @@ class Trust:
         )
         reason = Sentence(
             "worker-results-differ",
-            "Set aside: its results differ from those of other workers ({samples}), {verdict}",
+            "Quarantined: its results differ from those of other workers ({samples}), {verdict}",
             samples=where,
             verdict=evidence,
         )

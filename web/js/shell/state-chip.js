@@ -16,7 +16,7 @@ const STATES = {
   cancelled: ["stop", t("Cancelled")],
   starting: ["clock", t("Starting")],
   draining: ["clock", t("Draining")],
-  resting: ["clock", t("Outside hours")],
+  resting: ["clock", t("Inactive")],
   "set-aside": ["warning", t("Quarantined")],
 };
 

@@ -70,7 +70,7 @@ def test_wrong_worker_is_quarantined_and_its_samples_rendered_again(service: Ser
         other = service.submit(scene, spp=600, seed=1, verify=0, priority=-1)  # not verified, and gets some of the false sums
         job = service.submit(scene, spp=150, verify=1)
         until(lambda: state_of(service, "bad")[0] == "paused", "it is found out", LONG_S)
-        assert "Set aside: its results differ from those of other workers (samples" in str(state_of(service, "bad")[1])
+        assert "Quarantined: its results differ from those of other workers (samples" in str(state_of(service, "bad")[1])
         service.wait_for(job, "finished", LONG_S)
         service.patch(other, priority=10)
         service.wait_for(other, "finished", LONG_S)
@@ -81,7 +81,7 @@ def test_wrong_worker_is_quarantined_and_its_samples_rendered_again(service: Ser
         assert ("distrusted", "bad") in [(event["kind"], event["words"]) for event in events]
         assert count(service, "workers_distrusted") == 1
         assert count(service, "batches_differed") >= 1
-        assert "Set aside: its results differ from those of other workers" not in str(state_of(service, "good")[1])
+        assert "Quarantined: its results differ from those of other workers" not in str(state_of(service, "good")[1])
         assert service.http.patch("/api/workers/bad", json={"state": "running"}).json()["state"] == "ready"
         bad.on_batch = lambda batch: None
         before = len(bad.batches)
