@@ -33,7 +33,7 @@ def test_machines_show_current_work_and_can_be_paused(many: Service, watched: Wa
         say(store, "alpha", [batch, {}])
         say(store, "beta", [{}])
         store.set(vitals_key("alpha"), Vitals(16_000_000_000, 64_000_000_000).to_bytes(), ex=60)
-        reason = "Quarantined: {failures} of its batches failed while other workers rendered theirs. Check its log, then resume it."
+        reason = "Quarantined: {failures} of its batches failed while others rendered theirs. Check its log, then resume it."
         store.set(pause_key("beta"), to_text(Sentence("worker-quarantined-failures", reason, failures=3)))
         page.goto(f"{many.url}/#/workers")
         alpha, beta = (page.locator(".machine").filter(has_text=name) for name in ("alpha", "beta"))

@@ -549,7 +549,7 @@ class Scheduler:
             log.warning("worker %s is quarantined after %d failures", worker, failures, extra=ids(worker=worker))
             reason = Sentence(
                 "worker-quarantined-failures",
-                "Quarantined: {failures} of its batches failed while other workers rendered theirs. Check its log, then resume it.",
+                "Quarantined: {failures} of its batches failed while others rendered theirs. Check its log, then resume it.",
                 failures=failures,
             )
             self.quarantine(worker, reason)
