@@ -25,7 +25,7 @@ from renderer.settings import RenderSettings
 from service.viewing.canvas import Canvas
 from service.viewing.denoised import FAILURES_ALLOWED, DenoisedView
 from service.viewing.passes import GUIDES_AFTER, DraftSize, Passes, Piece, levels_of
-from service.viewing.view_request import ViewRequest, view_key
+from service.viewing.view_request import ViewRequest, view_hash
 
 __all__ = ["SettledPicture", "ViewSession"]
 
@@ -42,7 +42,7 @@ MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
 class SettledPicture(NamedTuple):
     """A picture of a scene's home view that a page may show later.
 
-    scene: id of the uploaded scene. color: (h, w, 3), linear. kind: of the workers that rendered it. view: `view_key` of what it
+    scene: id of the uploaded scene. color: (h, w, 3), linear. kind: of the workers that rendered it. view: `view_hash` of what it
     shows.
     """
 
@@ -314,7 +314,7 @@ class ViewSession:
                 return None
             if not self._canvases or self.settings is None or self.settings.is_transparent:
                 return None
-            about = self.kind, view_key(self.request)
+            about = self.kind, view_hash(self.request)
             if self._denoised is None:
                 canvas = self._canvases[-1]
                 if canvas.samples < min_samples and not canvas.is_complete:
