@@ -1,8 +1,8 @@
 """Posters: one sharp picture of each scene, of the view with which its page opens, shown until that view has samples.
 
 The picture of a live view that shows a scene's home view (`view_request.home_view`) becomes the poster when it has enough
-samples, again when it has GROWTH times as many, and when the view is closed (this module). An idle farm renders the posters
-that are missing (idle_posters.py). Which picture replaces which: poster_choice.py; where they are kept: poster_store.py.
+samples, again when it has GROWTH times as many, and when the view is closed (this module). An idle farm renders missing posters
+(idle_posters.py). poster_choice.py decides whether a picture replaces a poster; poster_store.py stores it.
 """
 
 from __future__ import annotations

@@ -190,7 +190,7 @@ class ViewSession:
             self.passes, self.wanted, self.wake = None, None, lambda: None
 
     def awaits_denoising(self, min_samples: float) -> bool:
-        """Returns True if a home view has this many samples per pixel but no denoised picture with as many, and will have one."""
+        """Returns True if a home view has at least `min_samples` samples per pixel, which are still to be denoised."""
         with self._lock:
             if self.request is None or not self.request.is_home or self._denoised is None or not self._canvases:
                 return False

@@ -103,8 +103,8 @@ class Denoising(ArtifactTask[DenoiseFrame]):
 class DenoisedLights(Denoising):
     """Requests for the denoised light of all light groups of a frame, which clients mix. Not kept over restarts.
 
-    At most MAX_STORED_BYTES bytes of it are stored, of all frames of all jobs: beyond that, what was made first is deleted, and
-    is made again when a client requests it.
+    At most MAX_STORED_BYTES bytes are stored for all frames of all jobs; beyond that, the oldest results are deleted, and made
+    again on request.
     """
 
     _name = Sentence("artifact-denoised-lights", "denoised light groups")

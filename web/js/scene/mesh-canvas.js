@@ -182,7 +182,7 @@ export class MeshCanvas {
     this.invalidate();
   }
 
-  /** Lights the mesh as a request chooses. Returns false if the page does not know that light. @param {import("../base/types.js").EnvironmentRequest} chosen */
+  /** Lights the mesh as a request chooses. Returns false if the page cannot compute that light. @param {import("../base/types.js").EnvironmentRequest} chosen */
   relight(chosen) {
     if (!this.mesh || chosenLight(this.mesh, chosen) === undefined) return false;
     if (JSON.stringify(chosen) === JSON.stringify(this.chosen)) return true;
