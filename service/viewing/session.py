@@ -23,7 +23,7 @@ from renderer.film import Sums
 from renderer.image import rgbe9995
 from renderer.settings import RenderSettings
 from service.viewing.canvas import Canvas
-from service.viewing.denoised import FAILURES_ALLOWED, DenoisedView
+from service.viewing.denoised import DENOISING_FAILURES_ALLOWED, DenoisedView
 from service.viewing.passes import GUIDES_AFTER, DraftSize, Passes, Piece, levels_of
 from service.viewing.view_request import ViewRequest, view_hash
 
@@ -265,12 +265,12 @@ class ViewSession:
             self._denoised.end(None if words is None else np.frombuffer(words, "<u4").reshape(level.height, level.width))
 
     def fail_denoising(self) -> None:
-        """Records that a picture could not be denoised. The view shows its noise after FAILURES_ALLOWED in succession."""
+        """Records a failed denoising. After DENOISING_FAILURES_ALLOWED in succession the view shows its noise."""
         with self._lock:
             if self._denoised is None:
                 return
             self._denoised.end(None)
-            if self._denoised.failures >= FAILURES_ALLOWED:
+            if self._denoised.failures >= DENOISING_FAILURES_ALLOWED:
                 self._denoised = None
 
     @property
