@@ -53,14 +53,14 @@ FRAMES_HEADER = "X-Frames"  # sent with every movie
 T = TypeVar("T")
 
 
-NO_FARM = "farm-not-answering"  # code of the error where nothing answers at the address
+NO_FARM = "farm-not-answering"  # code of the error that no farm answers at the address
 
 
 class ClientError(RayfarmError):
     """Raised if the service cannot be reached or rejects a request.
 
-    status: the HTTP status; None if no farm responded. code, params: the service's code of the message and its values; empty for
-    other messages of the client, but for NO_FARM.
+    status: the HTTP status; None if no farm responded. code, params: the message's code and its values; empty for messages of the
+    client itself, except NO_FARM.
     """
 
     def __init__(

@@ -31,7 +31,7 @@ SENTENCES: Mapping[str, str] = {
     "worker-not-found": "There is no worker {name}. `rayfarm workers` lists those that are connected.",
 }
 
-# By the client's own codes.
+# By codes of the client itself (rayfarm.client.NO_FARM).
 _OF_CLIENT: Mapping[str, str] = {
     "farm-not-answering": "No farm answers at {url}. Start one with `rayfarm up`, or give its address by --server URL.",
 }

@@ -1,4 +1,4 @@
-"""Advice on options that a command does not have: the option for the same, by other programs' names and with typing errors."""
+"""Suggestions for unknown options: the option of that name in other programs, or of a similar name."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 __all__ = ["advise_on_options", "option_for"]
 
-# Names that options have in other programs -> names here, of which the first that the command has is meant.
+# Name of an option in other programs -> its names here, of which the first that the command has is suggested.
 _OTHER_NAMES = {
     "--width": ("--size",),
     "--height": ("--size",),
@@ -43,9 +43,9 @@ _ALIKE = 0.75  # least similarity of a typing error
 
 
 def option_for(wrong: str, options: Iterable[str]) -> str:
-    """Returns what to write in place of an unknown option, such as "--size 1280x720"; empty if nothing is alike.
+    """Returns the suggestion for an unknown option, such as "--size 1280x720"; empty if no option is similar.
 
-    wrong: as it was typed, "--width". options: those that the command has.
+    wrong: the unknown option, such as "--width". options: those of the command.
     """
     known = set(options)
     meant = {name: next((each for each in here if each in known), "") for name, here in _OTHER_NAMES.items() if name not in known}
@@ -57,7 +57,7 @@ def option_for(wrong: str, options: Iterable[str]) -> str:
 
 
 def advise_on_options(command: Any) -> None:
-    """Makes a command and its subcommands name the option that is probably meant in errors about unknown options."""
+    """Adds suggestions to the errors of a command and its subcommands about unknown options."""
     for each in getattr(command, "commands", {}).values():
         advise_on_options(each)
     parse = command.parse_args

@@ -4,8 +4,8 @@
     python3 farm.py example-pictures still-life         one of them
     python3 farm.py example-pictures --spp 16 -o /tmp   quickly, elsewhere
 
-A picture shows what the page of its scene shows when that is opened: the scene's own settings, camera, shape and first frame, at
-WIDTH pixels, or MAX_HEIGHT pixels high. Each part of it is rendered until its noise is at most --noise, with --spp samples per
+A picture shows the view with which the page of its scene opens: the scene's own settings, camera, shape and first frame, WIDTH
+pixels wide or MAX_HEIGHT pixels high. Each part of it is rendered until its noise is at most --noise, with --spp samples per
 pixel at most, and then denoised (Open Image Denoise).
 """
 
@@ -37,7 +37,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=PICTURES, help="a folder; by default web/examples")
     parser.add_argument("--spp", type=int, default=512, help="samples per pixel at most; by default 512")
     parser.add_argument("--noise", type=float, default=0.01, help="relative noise at which a part is finished; by default 0.01")
-    parser.add_argument("--threads", type=int, default=0, help="by default one a core")
+    parser.add_argument("--threads", type=int, default=0, help="by default one per core")
     options = parser.parse_args()
     unknown = sorted(set(options.names) - set(examples))
     if unknown:

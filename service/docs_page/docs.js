@@ -20,7 +20,7 @@ function resolve(schema, api) {
   return schema.$ref.slice(2).split("/").reduce((at, key) => at[key], api);
 }
 
-/** "Environment light" is at #light-from-around. */
+/** Returns the id of a tag's section: "two words" is at #two-words. */
 const anchorOf = (tag) => tag.toLowerCase().replaceAll(" ", "-");
 
 /** A schema's type in a few words. */

@@ -44,7 +44,7 @@ async def denoised_artifact(
         if (stored := await run_sync(find_stored)) is not None:
             return stored
         if not waits:
-            existing = await run_sync(farm.engine.existing_preview, job.id, key)
+            existing = await run_sync(farm.engine.existing_preview, job.id, key, film)
             if existing is None:
                 raise Conflict(Sentence("no-preview-yet", "wait: no denoised preview has been made yet; leave wait out."))
             return replace(existing, is_preview=True)

@@ -243,7 +243,7 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
     if slots and all(slot.get("compiling") for slot in slots):
         return Sentence(
             "kernel-compiling",
-            "Compiling renderer (first time, about 40 s)",
+            "Compiling renderer (first time, about half a minute)",
         )
     if (numbers := view.jobs.get(job.id)) is not None and numbers.handed_back is not None:
         return Sentence("job-retried", "{reason}. It will be retried.", reason=numbers.handed_back.rstrip("."))

@@ -249,24 +249,30 @@ class Engine:
         """Returns the denoised light groups of a frame with all samples of its film if they are stored already."""
         return self._artifact_tasks.denoised_lights.made_of(job, frame, film.version(frame))
 
-    def existing_preview(self, job: str, frame: int) -> ArtifactResult | None:
-        """Returns the latest denoised picture or preview of a frame, also if another is due; None if there is none."""
-        tasks = self._artifact_tasks
-        found = (each.existing(job, frame) for each in (tasks.previews, tasks.denoising))
-        return max((each for each in found if each is not None), key=lambda each: each.samples, default=None)
+    def existing_preview(self, job: str, frame: int, film: Film) -> ArtifactResult | None:
+        """Returns the preview or denoised picture with the most samples of a frame's film; None if none is stored.
+
+        It may lack samples of the film. Blocks while the blob store answers.
+        """
+        made = sorted(self._denoised_of(job, frame, film.samples(frame)), key=lambda each: each.samples, reverse=True)
+        return next((each for each in made if self._artifact_tasks.denoising.is_stored(each)), None)
 
     def denoised(self, job: str, frame: int, film: Film) -> ArtifactResult | None:
         """Returns the denoised frame with all samples of its film if it is stored already."""
         return self._artifact_tasks.denoising.made_of(job, frame, film.version(frame))
 
     def has_denoised(self, job: str, frame: int, samples: int) -> bool:
-        """Returns True if a preview or denoised picture of a frame was made. Thread-safe, and quick.
+        """Returns True if a preview or denoised picture of a frame was made. samples: of the frame. Thread-safe, and quick."""
+        return bool(self._denoised_of(job, frame, samples))
 
-        samples: of the frame; a picture of more is of a film that was lost.
+    def _denoised_of(self, job: str, frame: int, samples: int) -> list[ArtifactResult]:
+        """Returns the preview and the denoised picture of a frame, as far as they were made of its film, which has `samples`.
+
+        One of more samples was made of samples that were lost or rendered wrongly.
         """
         tasks = self._artifact_tasks
         made = (each.last_of(job, frame) for each in (tasks.previews, tasks.denoising))
-        return any(each is not None and each.samples <= samples for each in made)
+        return [each for each in made if each is not None and each.samples <= samples]
 
     def release_preview(self, job: str, frame: int) -> None:
         """Releases the preview of a frame that is denoised."""

@@ -7,7 +7,7 @@ A view from the page's request to its pictures:
     passes.py          the pieces of a view, and their order
     canvas.py          the sums of one resolution of a view
     denoised.py        when a view's picture is denoised next, and the latest denoised one
-What the scheduler uses:
+Used by the scheduler:
     pending.py, pending_frames.py         messages that are not answered
     view_workers.py, view_cards.py        the workers, and their graphics cards, that render views
     sample_costs.py                       measured seconds per sample
@@ -18,7 +18,7 @@ What the scheduler uses:
 Posters, the stored pictures:
     posters.py         takes them from views
     idle_posters.py    renders missing ones while the farm is idle
-    poster_choice.py   which picture replaces which
+    poster_choice.py   whether a picture replaces a poster
     poster_store.py    JPEGs, their blobs and rows
 Also here:
     explaining.py      explains a pixel: its paths, traced again

@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from renderer.image import rgbe9995
 
-__all__ = ["FAILURES_ALLOWED", "DenoisedView"]
+__all__ = ["DENOISING_FAILURES_ALLOWED", "DenoisedView"]
 
 F32 = npt.NDArray[np.float32]
 LOST_S = 1.0  # until the next is tried after one was lost
-FAILURES_ALLOWED = 3  # in succession, after which a view is not denoised: one may be due to a busy machine
+DENOISING_FAILURES_ALLOWED = 3  # in succession, after which a view is not denoised: one may be due to a busy machine
 REST, EARLY_REST = 3.0, 1.0  # times the duration of the last denoising until the next begins; and after one of few samples
 EARLY_SAMPLES = 8.0  # samples per pixel below which a denoised picture is rough
 

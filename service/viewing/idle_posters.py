@@ -49,9 +49,9 @@ class IdlePosters:
         self._views = views
         self._board = board
         self._stopping = stopping
-        self._not_before: dict[str, float] = {}  # by scene that was tried: when it may be tried again
+        self._not_before: dict[str, float] = {}  # by scene that lacked a poster at the last look: when it may be tried
         self._look_at = 0.0  # when scenes may lack posters
-        self._renderers: frozenset[str] = frozenset()  # of the ready workers when they were looked for
+        self._renderers: frozenset[str] = frozenset()  # of the ready workers at the last look
         self._busy_at = time.monotonic()
         events.subscribe(RowWritten, self._scene_changed)
         events.subscribe(ItemChanged, self._scene_changed)
@@ -70,10 +70,12 @@ class IdlePosters:
         if now < self._look_at:
             return
         self._look_at = math.inf
-        lacking = [id for id in self._store.lacking(RECENT) if now >= self._not_before.get(id, 0.0)]
-        if lacking:
+        lacking = self._store.lacking(RECENT)
+        self._not_before = {id: self._not_before.get(id, 0.0) for id in lacking}
+        due = next((id for id, at in self._not_before.items() if now >= at), None)
+        if due is not None:
             self._look_at = 0.0  # further ones may be missing, also if this one fails
-            self._render_poster(lacking[0])
+            self._render_poster(due)
         else:
             later = min((at for at in self._not_before.values() if at > now), default=math.inf)
             self._look_at = min(self._look_at, later)

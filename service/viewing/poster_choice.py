@@ -34,7 +34,7 @@ class Poster:
     """A picture that is a scene's poster or may become it.
 
     width, height: in pixels. samples: per pixel, on average. renderer: `renderer_of` the workers that rendered it. view:
-    `view_request.view_key` of what it shows. Both are "" for posters of releases that did not record them.
+    `view_request.view_hash` of what it shows. Both are "" for posters of releases that did not record them.
     """
 
     width: int
@@ -67,7 +67,7 @@ def renderer_of(kind: str) -> str:
 def is_outdated(poster: Poster, view: str, renderers: Collection[str]) -> bool:
     """Returns True if a poster shows another view than the page now opens with, or was made by another renderer.
 
-    view: `view_key` of the scene's home view. renderers: of the ready workers; if there are none, that is not compared.
+    view: `view_hash` of the scene's home view. renderers: of the ready workers; if there are none, that is not compared.
     """
     return poster.view != view or (bool(renderers) and poster.renderer not in renderers)
 

@@ -24,7 +24,7 @@ from service.store.garbage import Garbage
 from service.store.models import Scene
 from service.viewing.poster_choice import Poster, is_better, is_outdated, is_worth_rendering, poster_of, renderer_of
 from service.viewing.session import SettledPicture
-from service.viewing.view_request import home_view, view_key
+from service.viewing.view_request import home_view, view_hash
 
 __all__ = ["MAX_BYTES", "PosterStore", "encode_poster"]
 
@@ -98,18 +98,18 @@ class PosterStore:
         return is_put
 
     def _replaces_present(self, poster: Poster, scene: Scene) -> bool:
-        return poster.view == _home_key(scene) and is_better(poster, self._valid_poster(scene))
+        return poster.view == _home_hash(scene) and is_better(poster, self._valid_poster(scene))
 
     def _valid_poster(self, scene: Scene) -> Poster | None:
         """Returns a scene's poster; None if it has none, or an outdated one."""
         poster = poster_of(scene)
-        return None if poster is None or is_outdated(poster, _home_key(scene), self.renderers) else poster
+        return None if poster is None or is_outdated(poster, _home_hash(scene), self.renderers) else poster
 
 
-def _home_key(scene: Scene) -> str:
-    """Returns `view_key` of a scene's home view; "" if it has none, as a scene that cannot be rendered."""
+def _home_hash(scene: Scene) -> str:
+    """Returns `view_hash` of a scene's home view; "" if it has none, as a scene that cannot be rendered."""
     try:
-        return view_key(home_view(scene))
+        return view_hash(home_view(scene))
     except FarmError:
         return ""
 

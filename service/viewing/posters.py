@@ -1,8 +1,8 @@
 """Posters: one sharp picture of each scene, of the view with which its page opens, shown until that view has samples.
 
 The picture of a live view that shows a scene's home view (`view_request.home_view`) becomes the poster when it has enough
-samples, again when it has GROWTH times as many, and when the view is closed (this module). An idle farm renders the posters
-that are missing (idle_posters.py). Which picture replaces which: poster_choice.py; where they are kept: poster_store.py.
+samples, again when it has GROWTH times as many, and when the view is closed (this module). An idle farm renders missing posters
+(idle_posters.py). poster_choice.py decides whether a picture replaces a poster; poster_store.py stores it.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ class Posters:
     def end_session(self, session: ViewSession) -> None:
         """Closes the session of a page that is left, and stores its picture unless it was stored or rejected already.
 
-        A view whose samples were never denoised is closed after that, at most ENDING_S seconds later: otherwise a scene that was
-        left after a few seconds would have no poster. Drops the picture if MAX_TAKEN are waiting.
+        A view whose samples were never denoised is closed once they are, at most ENDING_S seconds later: otherwise a scene that
+        was left after a few seconds would have no poster. Drops the picture if MAX_TAKEN are waiting.
         """
         given = self._given.get((session.id, session.view), 0.0)
         if session.awaits_denoising(MIN_DENOISED) and len(self._ending) < MAX_ENDING and not self._stopping.is_set():
@@ -112,11 +112,10 @@ class Posters:
         self._given = {view: samples for view, samples in self._given.items() if view in views}
 
     def _close_ended(self) -> None:
-        """Closes the views of pages that were left, once their pictures are denoised; `_take_from_views` has stored those."""
+        """Closes the views of pages that were left, and stores their pictures, once these are denoised or have taken too long."""
         for _ in range(len(self._ending)):
             session, until = self._ending.popleft()
-            is_waiting = session.awaits_denoising(MIN_DENOISED) and session.error is None and time.monotonic() < until
-            if is_waiting:
+            if session.awaits_denoising(MIN_DENOISED) and time.monotonic() < until:
                 self._ending.append((session, until))
                 continue
             picture = session.settled_picture(MIN_NOISY, MIN_DENOISED)

@@ -23,9 +23,9 @@ from renderer.film import Sums
 from renderer.image import rgbe9995
 from renderer.settings import RenderSettings
 from service.viewing.canvas import Canvas
-from service.viewing.denoised import FAILURES_ALLOWED, DenoisedView
+from service.viewing.denoised import DENOISING_FAILURES_ALLOWED, DenoisedView
 from service.viewing.passes import GUIDES_AFTER, DraftSize, Passes, Piece, levels_of
-from service.viewing.view_request import ViewRequest, view_key
+from service.viewing.view_request import ViewRequest, view_hash
 
 __all__ = ["SettledPicture", "ViewSession"]
 
@@ -42,7 +42,7 @@ MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
 class SettledPicture(NamedTuple):
     """A picture of a scene's home view that a page may show later.
 
-    scene: id of the uploaded scene. color: (h, w, 3), linear. kind: of the workers that rendered it. view: `view_key` of what it
+    scene: id of the uploaded scene. color: (h, w, 3), linear. kind: of the workers that rendered it. view: `view_hash` of what it
     shows.
     """
 
@@ -190,7 +190,7 @@ class ViewSession:
             self.passes, self.wanted, self.wake = None, None, lambda: None
 
     def awaits_denoising(self, min_samples: float) -> bool:
-        """Returns True if a home view has this many samples per pixel but no denoised picture with as many, and will have one."""
+        """Returns True if a home view has at least `min_samples` samples per pixel, which are still to be denoised."""
         with self._lock:
             if self.request is None or not self.request.is_home or self._denoised is None or not self._canvases:
                 return False
@@ -265,12 +265,12 @@ class ViewSession:
             self._denoised.end(None if words is None else np.frombuffer(words, "<u4").reshape(level.height, level.width))
 
     def fail_denoising(self) -> None:
-        """Records that a picture could not be denoised. The view shows its noise after FAILURES_ALLOWED in succession."""
+        """Records a failed denoising. After DENOISING_FAILURES_ALLOWED in succession the view shows its noise."""
         with self._lock:
             if self._denoised is None:
                 return
             self._denoised.end(None)
-            if self._denoised.failures >= FAILURES_ALLOWED:
+            if self._denoised.failures >= DENOISING_FAILURES_ALLOWED:
                 self._denoised = None
 
     @property
@@ -314,7 +314,7 @@ class ViewSession:
                 return None
             if not self._canvases or self.settings is None or self.settings.is_transparent:
                 return None
-            about = self.kind, view_key(self.request)
+            about = self.kind, view_hash(self.request)
             if self._denoised is None:
                 canvas = self._canvases[-1]
                 if canvas.samples < min_samples and not canvas.is_complete:

@@ -29,7 +29,7 @@ __all__ = [
     "move_view",
     "resolve_view",
     "shows_home",
-    "view_key",
+    "view_hash",
 ]
 
 MAX_PIXELS = 1 << 21  # the sums of a view are held in memory
@@ -171,7 +171,7 @@ def shows_home(view: ViewRequest, scene: Scene) -> bool:
     return is_same and abs(error) <= MAX_ASPECT_ERROR + 1.0 / min(shown.width, shown.height)
 
 
-def view_key(view: ViewRequest) -> str:
+def view_hash(view: ViewRequest) -> str:
     """Returns a hash of what a view shows, which its size, samples and noise do not change.
 
     Equal for a scene's `home_view` and all views for which `shows_home` is true.

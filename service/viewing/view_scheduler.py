@@ -345,7 +345,7 @@ class ViewScheduler:
 
     def _send(self, out: PendingMessage, work: ViewParts | ViewFrame | ViewDenoise) -> None:
         out.queue = out.queue or view_queue(out.kind)
-        self._out[out.id] = out  # before a worker may ask for the picture that the message is about
+        self._out[out.id] = out  # before it is sent, since a worker requests the picture of a message at once
         try:
             self._dispatcher.send_view(work, out.queue)
         except QueueError:
@@ -455,7 +455,7 @@ class ViewScheduler:
             case "compiling":
                 self._set_message(
                     session,
-                    Sentence("kernel-compiling", "Compiling renderer (first time, about 40 s)"),
+                    Sentence("kernel-compiling", "Compiling renderer (first time, about half a minute)"),
                 )
             case "part":
                 self._handle_part(out, answer)

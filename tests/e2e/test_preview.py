@@ -155,8 +155,8 @@ def test_first_shadow_of_a_preview_is_grey_and_without_steps(farm: Farm, watched
     assert watched.errors == []
 
 
-# Draws a metal floor before a red wall, and returns the colour of the floor's middle, 0 ... 255.
-DRAW_MIRROR = """async ([obj, mtl]) => {
+# Draws a metal floor before a wall in several lights, one after the other. Returns the colours of the floor's middle, 0 ... 255.
+DRAW_MIRROR = """async ([obj, mtl, lights]) => {
   const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");
   const { meshOf } = await import("/js/mesh/upload.js");
   const files = [["mirror.obj", obj], ["mirror.mtl", mtl]].map(([path, text]) => ({ path, file: new File([text], path) }));
@@ -167,10 +167,13 @@ DRAW_MIRROR = """async ([obj, mtl]) => {
   const mesh = new MeshCanvas(canvas);
   mesh.setMesh({ ...packet, textures: [] });
   mesh.setView({ eye: [0, 1, 4], target: [0, 0, 0], up: [0, 1, 0], fov: 40 });
-  mesh.draw();
-  const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d");
-  copy.drawImage(canvas, 0, 0);
-  return [...copy.getImageData(canvas.width / 2, canvas.height / 2, 1, 1).data.slice(0, 3)];
+  const copy = new OffscreenCanvas(200, 200).getContext("2d");
+  return lights.map((light) => {
+    mesh.relight(light);
+    mesh.draw();
+    copy.drawImage(canvas, 0, 0, 200, 200);
+    return [...copy.getImageData(100, 100, 1, 1).data.slice(0, 3)];
+  });
 }"""
 MIRROR = "mtllib mirror.mtl\nv -3 0 -3\nv 3 0 -3\nv 3 0 3\nv -3 0 3\nv -3 2 -3\nv 3 2 -3\n"
 MIRROR += "usemtl metal\nf 4 3 2 1\nusemtl wall\nf 1 2 6 5\n"
@@ -181,6 +184,10 @@ def test_metal_of_a_preview_shows_the_other_surfaces(farm: Farm, watched: Watche
     page = watched.page
     page.goto(farm.url)
     materials = "newmtl metal\nKd 0.9 0.9 0.9\nPm 1\nPr 0\nnewmtl wall\nKd 0.8 0.02 0.02\n"
-    red, green, _ = page.evaluate(DRAW_MIRROR, [MIRROR, materials])
+    [[red, green, _]] = page.evaluate(DRAW_MIRROR, [MIRROR, materials, [{}]])
     assert red > 2 * green + 20
+    white = materials.replace("0.8 0.02 0.02", "0.8 0.8 0.8")
+    own, chosen = page.evaluate(DRAW_MIRROR, [MIRROR, white, [{}, {"color": [0.02, 1, 0.02]}]])
+    assert own[1] < 1.5 * own[0] + 20
+    assert chosen[1] > 2 * chosen[0] + 20, "in the light that is chosen"
     assert watched.errors == []

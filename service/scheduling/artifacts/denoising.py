@@ -44,10 +44,9 @@ class Denoising(ArtifactTask[DenoiseFrame]):
         """Returns the latest denoised picture of a frame, also of an older film; None if there is none. Its blob may be lost."""
         return self._made.get((job, frame))
 
-    def existing(self, job: str, frame: int) -> ArtifactResult | None:
-        """Returns the picture of `last_of` if its blob is stored. Thread-safe; the store may be slow."""
-        made = self.last_of(job, frame)
-        return made if made is not None and self._blobs.exists(made.sha256) else None
+    def is_stored(self, made: ArtifactResult) -> bool:
+        """Returns True if a picture's blob is stored. Thread-safe; the store may be slow."""
+        return self._blobs.exists(made.sha256)
 
     def blobs_of(self, jobs: Collection[str]) -> set[str]:
         """Returns the hashes of the stored frames of these jobs, and forgets those of all others.
@@ -104,8 +103,8 @@ class Denoising(ArtifactTask[DenoiseFrame]):
 class DenoisedLights(Denoising):
     """Requests for the denoised light of all light groups of a frame, which clients mix. Not kept over restarts.
 
-    At most MAX_STORED_BYTES bytes of it are stored, of all frames of all jobs: beyond that, what was made first is deleted, and
-    is made again when a client requests it.
+    At most MAX_STORED_BYTES bytes are stored for all frames of all jobs; beyond that, the oldest results are deleted, and made
+    again on request.
     """
 
     _name = Sentence("artifact-denoised-lights", "denoised light groups")

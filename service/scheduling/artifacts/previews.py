@@ -22,8 +22,8 @@ class DenoisedPreviews(Denoising):
     """Denoised previews, renewed as samples come.
 
     A frame's first preview is made at once; it is renewed when its samples have doubled. All renewals together take at most a
-    twentieth of the time of the slots that can denoise, below EARLY_SAMPLES samples per pixel at most a fifth, except the few
-    after which a frame has EARLY_GROWTH times the samples: a picture's first minute is watched.
+    twentieth of the time of the slots that can denoise, below EARLY_SAMPLES samples per pixel at most a fifth. There a preview is
+    renewed without this limit once its frame has EARLY_GROWTH times the samples, since users watch the first minute of a picture.
     """
 
     _rests_until = 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 import threading
 import time
 from types import SimpleNamespace
@@ -30,7 +31,7 @@ from service.viewing.poster_choice import (
 from service.viewing.poster_store import encode_poster
 from service.viewing.posters import MAX_ENDING, MAX_TAKEN, Posters
 from service.viewing.session import SettledPicture
-from service.viewing.view_request import HOME_PIXELS, home_view, resolve_view, shows_home, view_key
+from service.viewing.view_request import HOME_PIXELS, home_view, resolve_view, shows_home, view_hash
 from tests.service.conftest import OBJ, Service, until
 from tests.service.viewer import look
 
@@ -42,7 +43,7 @@ def poster(samples: float, width: int = 1280, denoised: bool = True) -> Poster:
 
 
 def picture(scene: Scene, samples: float, color: np.ndarray = FLAT, kind: str = "test-kind") -> SettledPicture:
-    return SettledPicture(scene.id, color, samples, True, kind, view_key(home_view(scene)))
+    return SettledPicture(scene.id, color, samples, True, kind, view_hash(home_view(scene)))
 
 
 def shown(data: bytes) -> np.ndarray:
@@ -358,3 +359,32 @@ def test_idle_farm_looks_for_posters_only_after_changes(monkeypatch: pytest.Monk
     for _ in range(3):
         idle.render_next()
     assert len(looks) == 3, "posters of another renderer are outdated"
+
+
+def test_idle_farm_tries_a_poster_again_only_if_it_was_made_in_between(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that cannot be rendered is not tried for ever; one that was stored may be outdated later."""
+    monkeypatch.setattr("service.viewing.idle_posters.IDLE_S", 0.0)
+    lacking = ["broken", "good"]
+    store: Any = SimpleNamespace(renderers=frozenset({"a"}), lacking=lambda recent: list(lacking))
+    nothing: Any = None
+    events = Events()
+    idle = IdlePosters(nothing, store, nothing, nothing, events, threading.Event())
+    tried: list[str] = []
+
+    def render(id: str) -> None:
+        tried.append(id)
+        idle._not_before[id] = math.inf
+        if id == "good":
+            lacking.remove(id)
+
+    monkeypatch.setattr(idle, "_is_idle", lambda own=None: True)
+    monkeypatch.setattr(idle, "_render_poster", render)
+    for _ in range(5):
+        idle.render_next()
+    assert tried == ["broken", "good"]
+    lacking.append("good")  # its page opens with another view
+    events.publish(RowWritten("scene", "good"))
+    for _ in range(5):
+        idle.render_next()
+    assert tried == ["broken", "good", "good"]
+    assert set(idle._not_before) <= {"broken", "good"}

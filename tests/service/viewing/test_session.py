@@ -15,7 +15,7 @@ from renderer.image import rgbe9995
 from renderer.settings import RenderSettings, View
 from service.viewing import denoised
 from service.viewing import session as view_session
-from service.viewing.denoised import FAILURES_ALLOWED
+from service.viewing.denoised import DENOISING_FAILURES_ALLOWED
 from service.viewing.passes import GUIDE_SAMPLES, GUIDES_AFTER, DraftSize, Piece
 from service.viewing.session import ViewSession
 
@@ -139,7 +139,7 @@ def test_view_shows_its_noise_only_after_several_pictures_could_not_be_denoised(
     for first in range(4):
         add_samples(session, first, 1)
     add_samples(session, GUIDES_AFTER, GUIDE_SAMPLES - GUIDES_AFTER, is_guide=True)
-    for _ in range(FAILURES_ALLOWED):
+    for _ in range(DENOISING_FAILURES_ALLOWED):
         assert session.denoises and session.take_packet(2) is None
         assert session.begin_denoising() is not None
         session.fail_denoising()

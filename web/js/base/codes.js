@@ -26,7 +26,7 @@ export const MISSING_FILE = [
 /** Parameters of these messages that name the missing file. */
 const NAME_PARAMS = ["texture", "libraries", "document", "layer", "uri", "name"];
 
-/** What a reader has taken where a file leaves it open: nothing of the file is lost. */
+/** Guesses of readers where a file leaves something open: nothing of the file is lost. */
 export const GUESSED = [
   "collada-camera-aspect-guessed",
   "image-colour-profile-ignored",

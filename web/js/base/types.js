@@ -168,7 +168,7 @@
  * @property {number} progress 0..1
  * @property {number | null} noise relative
  * @property {string | null} error
- * @property {boolean} [denoised] a denoised picture is stored; of a shot known of the first frame alone
+ * @property {boolean} [denoised] whether a denoised picture is stored; of a shot, only the first frame states it
  * @property {{x: number, y: number, sample: number, reproduce?: string}[]} [bad] the first discarded samples
  *
  * @typedef {object} Shot

@@ -80,7 +80,7 @@ export class PictureSide {
     this.isPreview = false;
     /** When the next preview may be asked for. */
     this.previewAt = 0;
-    /** Samples of the film from which it may be asked for before that: service/scheduling/artifacts/previews.py renews few samples at once. */
+    /** Samples of the film from which it is requested earlier, since the service renews previews of few samples without a rest (service/scheduling/artifacts/previews.py). */
     this.previewFrom = Infinity;
     /** When every tile first had samples. @type {number | undefined} */
     this.coveredAt = undefined;
@@ -159,7 +159,7 @@ export class PictureSide {
     const { film, side = 0, isRendering } = this.live;
     const least = side > 0 ? Math.min(...film.tileSamples(side)) : 0;
     const isCovered = least > 0 || (!isRendering && film.total > 0);
-    this.coveredAt = isCovered ? (this.coveredAt ?? performance.now()) : undefined; // another frame begins anew
+    this.coveredAt = isCovered ? (this.coveredAt ?? performance.now()) : undefined; // another frame starts again
     return { least, waited: performance.now() - (this.coveredAt ?? Infinity) };
   }
 
@@ -326,7 +326,7 @@ export class PictureSide {
           this.layer.setFilm(this.fetched, { fades: channel === DENOISED });
           this.state.update((state) => ({ ...state, isPreview }));
         };
-        // A stored one comes at once; a better one needs a worker, which may be long in coming.
+        // A stored one is shown at once; a better one has to wait for a worker.
         if (wantsPreview && !this.fetched && this.live.isDenoisedStored) await fetchWords(this.live, { ...wish, wait: "false" }, signal).then(show, () => {});
         if (!signal.aborted) show(await fetchWords(this.live, wish, signal));
       } else {

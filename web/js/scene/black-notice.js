@@ -35,9 +35,9 @@ export function blackNotice(stage, job, live, life) {
   const look = async () => {
     const { film, frame, finished } = live;
     const key = `${frame} ${film.total}`;
-    const { id, scene, samples } = job();
+    const { id, scene, samples, variant } = job();
     const of = scenes.value?.find((each) => each.id === scene);
-    const nothing = of ? invisibleWords(of, !frame) : "";
+    const nothing = of ? invisibleWords(of, !frame && variant == null) : "";
     if (key === seen || film.total < film.words.length * (finished || nothing ? 1 : LEAST_SPP)) return;
     seen = key;
     if (!film.isBlack()) return void (element.hidden = true);

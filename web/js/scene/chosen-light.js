@@ -1,4 +1,4 @@
-/** The light that a request chooses, for the preview mesh. Sources of the presets: renderer/scene/presets.py. */
+/** The environment light that a request chooses, for the preview mesh. Sources of the presets: renderer/scene/presets.py. */
 
 import { HEIGHT, directionsOf, studio, unpacked } from "./mesh-environment.js";
 
@@ -35,7 +35,7 @@ function softEdge(place) {
   return at * at * (3 - 2 * at);
 }
 
-/** Returns the radiance of a preset; null: it is a sky, or unknown. @param {string} name @returns {Environment | null} */
+/** Returns the radiance of a preset; null for skies and unknown presets. @param {string} name @returns {Environment | null} */
 export function presetLight(name) {
   const behind = BEHIND[name];
   if (!behind) return null;
@@ -68,8 +68,8 @@ export function presetLight(name) {
 }
 
 /**
- * Returns the light around a scene as a request chooses it. undefined: the page does not know it (a sky, an image, or what remains where
- * the scene's own sky with its sun is replaced); null: black.
+ * Returns the environment light that a request chooses. undefined: the page cannot compute it: a sky, an image, or a light that replaces
+ * the sky of a file with a sun; null: black.
  *
  * @param {MeshPacket} mesh
  * @param {EnvironmentRequest} chosen

@@ -12,7 +12,7 @@ const MOST = 256; // samples a pixel of a view
 const KEY = "rayfarm-view-noise";
 
 /**
- * Returns what the view shows of its own picture. It states no estimate of the end, which would change as the noise is measured.
+ * Returns the words for the view's own picture. They contain no estimate of its final samples, which changes as the noise is measured.
  *
  * @param {number} samples a pixel of the picture that is shown; 0: there is none
  * @param {number | null} noise relative; null: unknown with so few samples
@@ -26,7 +26,7 @@ export function clarity(samples, noise, isDone, isDenoised) {
   return [tn(n, "{n} sample", "{n} samples"), seen, isDone && t("done")].filter(Boolean).join(", ");
 }
 
-/** Returns what the view shows in place of its own picture. @param {boolean} isDone @param {boolean} isOtherLight whether that has another light */
+/** Returns the words for a stand-in of the view's picture. @param {boolean} isDone @param {boolean} isOtherLight whether the stand-in has another light */
 export const previewWords = (isDone, isOtherLight) => (isOtherLight ? t("New light: rendering …") : isDone ? t("Preview") : t("Preview, rendering …"));
 
 /** Returns how far the view is; "" while that is unknown. @param {number} mean samples a pixel so far @param {number | null} noise after these */

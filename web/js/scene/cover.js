@@ -95,7 +95,7 @@ export class Cover {
     this.keptScene = "";
     /** Light of the latest request. @type {import("../base/types.js").EnvironmentRequest} */
     this.light = {};
-    /** Whether the mesh shows what the latest request does. */
+    /** Whether the mesh shows the scene and the light of the latest request. */
     this.isMeshTrue = true;
     /** Runs while the camera has not rested for long. @type {ReturnType<typeof setTimeout> | undefined} */
     this.resting = undefined;
@@ -202,7 +202,7 @@ export class Cover {
     this.canvas.classList.add(HELD_BACK); // the first samples are coarser than the mesh
   }
 
-  /** Lights the mesh as the latest request chooses. Returns whether it then shows what the request does. */
+  /** Lights the mesh as the latest request chooses. Returns whether it then shows the scene and the light of that request. */
   lightMesh() {
     const isLit = this.mesh.relight(this.light);
     return !this.first || this.latest === this.first.scene || (isLit && unlit(this.latest) === this.first.unlit);
@@ -245,17 +245,17 @@ export class Cover {
     return this.isMeshShown && this.isMeshTrue ? this.latest : (this.first?.scene ?? "");
   }
 
-  /** Whether what is shown has another light, or shows the scene otherwise, than the latest request. */
+  /** Whether what is shown differs from the latest request in more than the camera. */
   get isOutdated() {
     return this.shownScene !== this.latest;
   }
 
-  /** Whether it has another light. */
+  /** Whether the light is the only such difference. */
   get isOtherLight() {
     return this.isOutdated && unlit(this.shownScene) === unlit(this.latest);
   }
 
-  /** Whether the latest request shows the scene otherwise than the first one. */
+  /** Whether the latest request differs from the first one in more than the camera. */
   get isChanged() {
     return this.first !== null && this.latest !== this.first.scene;
   }

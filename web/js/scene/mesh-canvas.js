@@ -76,7 +76,7 @@ export class MeshCanvas {
     this.chosen = {};
     /** What is drawn before glass. @type {WebGLTexture | null} */
     this.behind = null;
-    /** The scene as its mirrors see it, and the exposure with which it was drawn; while it is drawn, its texture is null. @type {{texture: WebGLTexture | null, gain: number} | null} */
+    /** The scene as its mirrors see it, and the light and the exposure with which it was drawn; while it is drawn, its texture is null. @type {{texture: WebGLTexture | null, light: NonNullable<MeshCanvas["light"]>, gain: number} | null} */
     this.mirrored = null;
     /** Middles of the parts, relative to the mesh's, their sizes, and whether they are shaded at the vertices. @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}[]} */
     this.places = [];
@@ -182,14 +182,13 @@ export class MeshCanvas {
     this.invalidate();
   }
 
-  /** Lights the mesh as a request chooses. Returns false if the page does not know that light. @param {import("../base/types.js").EnvironmentRequest} chosen */
+  /** Lights the mesh as a request chooses. Returns false if the page cannot compute that light. @param {import("../base/types.js").EnvironmentRequest} chosen */
   relight(chosen) {
     if (!this.mesh || chosenLight(this.mesh, chosen) === undefined) return false;
     if (JSON.stringify(chosen) === JSON.stringify(this.chosen)) return true;
     this.chosen = chosen;
     if (this.light) this.gl?.deleteTexture(this.light.texture);
     this.light = null;
-    this.hasShadows = false;
     this.invalidate();
     return true;
   }
@@ -294,7 +293,7 @@ export class MeshCanvas {
     const { gl, programs } = this;
     if (!gl || !programs) return;
     const light = this.prepareLight(mesh);
-    if (onPage && !kept) this.drawMirrored(mesh, view);
+    if (onPage && !kept) this.drawMirrored(mesh, view, light);
     const mirrored = this.mirrored?.texture ?? null;
     const shadows = onPage && !kept && this.shadows?.isPossible ? this.shadows : null;
     const eye = view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
@@ -382,18 +381,18 @@ export class MeshCanvas {
     gl.activeTexture(gl.TEXTURE0);
   }
 
-  /** Draws what the mirrors show, unless it is drawn. @param {MeshPacket} mesh @param {View} view */
-  drawMirrored(mesh, view) {
+  /** Draws the scene for its mirrors, unless it is drawn in this light and with this exposure. @param {MeshPacket} mesh @param {View} view @param {NonNullable<MeshCanvas["light"]>} light */
+  drawMirrored(mesh, view, light) {
     const { gl, look } = this;
-    if (this.mirrored && this.mirrored.gain !== look.gain) this.forgetMirrored();
+    if (this.mirrored && (this.mirrored.gain !== look.gain || this.mirrored.light !== light)) this.forgetMirrored();
     const has = (/** @type {boolean} */ wanted) => mesh.parts.some(({ material }) => isMirror(/** @type {MeshMaterial} */ (mesh.materials[material])) === wanted);
     if (!gl || this.mirrored || !has(true) || !has(false)) return;
-    this.mirrored = { texture: null, gain: look.gain };
+    this.mirrored = { texture: null, light, gain: look.gain };
     const radius = Math.hypot(...mesh.high.map((value, i) => value - (mesh.low[i] ?? 0))) / 2 || 1;
     gl.enable(gl.DEPTH_TEST);
     gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
     const texture = mirrorTexture(gl, radius, (toClip) => this.drawMesh(toClip, mesh, view, null, null));
-    this.mirrored = { texture, gain: look.gain };
+    this.mirrored = { texture, light, gain: look.gain };
   }
 
   forgetMirrored() {

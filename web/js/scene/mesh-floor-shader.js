@@ -1,9 +1,9 @@
-/** What the shaders of a preview mesh read of the floor below it: the light that its shadows take from it. */
+/** The map of the floor below a preview mesh for its shaders: the light that the floor lacks where it is shadowed. */
 
 /** Side length of the floor's map in texels. */
 export const FLOOR_TEXELS = 128;
 
-/** Where on the floor's map a ray from a point ends, and what it finds. */
+/** Functions that look up the floor's map, at a point or where a ray hits the floor. */
 export const FLOOR_MAP_GLSL = `
 uniform sampler2D floorMissed; // light that the floor misses, and as alpha the luminance of all light
 uniform vec4 floorPlane; // upward, and the floor's height; 0: there is no floor

@@ -1,4 +1,4 @@
-/** What the mirrors of a preview mesh show of the scene: its other surfaces, drawn once from its middle into the six sides of a cube. */
+/** Reflections in the mirrors of a preview mesh: its other surfaces, drawn once from its middle into the six sides of a cube. */
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../news/mesh-packet.js").MeshMaterial} MeshMaterial */
@@ -9,7 +9,7 @@ const SIDE = 128;
 const [NEAR, FAR] = [0.01, 2.1];
 /** Least reflectance, and greatest roughness, of a surface that shows other surfaces. */
 const [REFLECTS, ROUGH] = [0.15, 0.6];
-/** To a side, the directions that are to the right, up and forward in it, as OpenGL has them. */
+/** The directions to the right, up and forward of each side, as OpenGL defines them. */
 const SIDES = /** @type {[Vec3, Vec3, Vec3][]} */ ([
   [[0, 0, -1], [0, -1, 0], [1, 0, 0]],
   [[0, 0, 1], [0, -1, 0], [-1, 0, 0]],
@@ -19,11 +19,11 @@ const SIDES = /** @type {[Vec3, Vec3, Vec3][]} */ ([
   [[-1, 0, 0], [0, -1, 0], [0, 0, -1]],
 ]);
 
-/** Returns whether a surface shows the others, and is left out of what it shows. @param {MeshMaterial} material */
+/** Returns whether a surface reflects or refracts the others. Such surfaces are not drawn into the cube. @param {MeshMaterial} material */
 export const isMirror = ({ metallic, roughness, f0, transmission }) => transmission > 0 || (roughness < ROUGH && (metallic > 0.5 || Math.max(...f0) > REFLECTS));
 
 /**
- * Draws the scene as its mirrors see it.
+ * Draws the cube.
  *
  * @param {WebGL2RenderingContext} gl
  * @param {number} radius of the scene

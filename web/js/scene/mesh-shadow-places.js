@@ -1,4 +1,4 @@
-/** Where the shadow maps of a preview mesh look from: projections of directions and lamps, the floor's map, and bounds of the scene. */
+/** Projections of a preview mesh's shadow maps, from directions and lamps, the place of the floor's map, and bounds of the scene. */
 
 import { MOST_LAMP_TILES } from "./mesh-shadow-shader.js";
 

@@ -14,7 +14,7 @@ uniform sampler2D image;
 uniform int alphaMode; // 0: opaque, 1: mask, 2: blend
 uniform float cutoff;
 uniform float solid; // share of the light that the surface holds back
-uniform float threshold; // a surface that is partly transparent hides what is behind it in so many maps as it is opaque
+uniform float threshold; // differs from map to map, so that a surface is drawn in a share of the maps that equals its opacity
 in vec3 place;
 in vec4 shown;
 in vec2 texel;
@@ -31,7 +31,7 @@ void main() {
   if (isHidden()) discard;
 }`;
 
-/** What the camera sees: normals, beside the depth. */
+/** Normals of the surfaces that the camera sees. */
 export const NORMAL_FRAGMENT = `#version 300 es
 precision highp float;
 ${HIDDEN_GLSL}
@@ -46,7 +46,7 @@ void main() {
   pixel = vec4(0.5 + 0.5 * (dot(n, flatly) < 0.0 ? -n : n), 1.0);
 }`;
 
-/** The same of the floor. */
+/** Normal of the floor. */
 export const FLOOR_NORMAL_FRAGMENT = `#version 300 es
 precision highp float;
 uniform vec3 alongX;

@@ -1,8 +1,8 @@
 /**
- * The shadows of a preview mesh: how much of the light from around each point misses, since something else is seen in its direction, and
- * which part of each lamp's light reaches it. The light from around is sampled by directions, of each of which a map of depth is drawn once
- * for a mesh. For each camera the maps are compared with what it sees, the floor below the scene included: coarsely at first, then at
- * full resolution; both are smoothed on surfaces. Source: the accumulation of shadow maps of many light samples, Brotman and Badler 1984;
+ * The shadows of a preview mesh: how much of the environment light is blocked at each point, and which part of each lamp's light reaches
+ * it. The environment light is sampled by directions, and a depth map is drawn from each, once for a mesh. The maps are looked up at all
+ * points that the camera sees, also of the floor below the scene: coarsely at first, then at full resolution; both are smoothed along
+ * surfaces. Source: the accumulation of shadow maps of many light samples, Brotman and Badler 1984;
  * Haeberli and Akeley 1990.
  */
 

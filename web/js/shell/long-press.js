@@ -4,7 +4,7 @@
 const [PRESS_MS, MOST_MOVE] = [500, 10];
 
 /**
- * Marks an element as held by a long press, until another place is touched. The tap itself opens nothing then.
+ * Marks an element as held after a long press, until another place is touched. The press does not open the element's link.
  *
  * @param {HTMLElement} element
  */
@@ -22,7 +22,7 @@ export function holdOnLongPress(element) {
   };
   const hold = () => {
     element.classList.add("held");
-    element.addEventListener("click", keepClosed, true); // of this very press
+    element.addEventListener("click", keepClosed, true); // which ends this press
     addEventListener("pointerdown", release, true);
   };
   element.addEventListener("pointerdown", (event) => {

@@ -56,13 +56,13 @@ function pages(nav) {
   ];
 }
 
-/** @param {boolean} ofPicture whether those on the picture that is shown, else all others @returns {Command[]} what the current view's keys do */
+/** Returns the actions that have keys: those on the picture that is shown, or all others. @param {boolean} ofPicture @returns {Command[]} */
 function keyed(ofPicture) {
   const listed = shortcuts().filter(({ keys, shown, group }) => shown !== null && keys !== PALETTE_KEYS && keys !== "?" && (group === "picture") === ofPicture);
   return listed.map(({ keys, shown, does, run }) => ({ group: ofPicture ? PICTURE : ACTIONS, symbol: "play", label: does, note: shown ?? keys, run }));
 }
 
-/** @returns {Command[]} what the current view's keys do, the themes, and the other languages */
+/** Returns the actions that have keys, except those on the picture, the themes, and the other languages. @returns {Command[]} */
 function actions() {
   const themes = THEMES.map(([name, symbol, label]) => ({ group: ACTIONS, symbol, label, run: () => chooseTheme(name) }));
   const others = LANGUAGES.filter(([name]) => name !== language);

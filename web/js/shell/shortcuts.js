@@ -8,7 +8,7 @@
  * @property {() => void} run
  */
 
-/** What a shortcut acts on: how a picture is looked at, the picture or its job, or the page. @typedef {"view" | "picture" | "page"} Group */
+/** The subject of a shortcut: the view of a picture, the picture or its job, or the page. @typedef {"view" | "picture" | "page"} Group */
 
 /** @type {Map<Shortcut, Group>} */
 const active = new Map();

@@ -198,15 +198,15 @@ function slotTile() {
   };
 }
 
-/** Returns what a slot does in place of a job's picture, which would show that; "": it renders one, or prepares a scene, which its label says. @param {Slot} slot */
+/** Returns the word that stands in the place of a slot's picture; "" if it renders a job, or prepares a scene, as its label says. @param {Slot} slot */
 function wordOf(slot) {
-  if (slot.view) return t("Live view"); // whose picture is only in that view
+  if (slot.view) return t("Live view"); // its picture is not stored
   if (slot.job || slot.scene || slot.hidden) return "";
   return slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.path_guide ? t("Path guide") : "";
 }
 
 /**
- * Shows what a slot works for, or its number.
+ * Sets the label of a slot: its job, scene or number.
  *
  * @param {HTMLElement} label
  * @param {Slot} slot

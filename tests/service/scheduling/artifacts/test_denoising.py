@@ -29,6 +29,7 @@ from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.denoising import MAX_STORED_BYTES, DenoisedLights, Denoising
 from service.scheduling.artifacts.kept_artifacts import KeptArtifacts
 from service.scheduling.artifacts.previews import DenoisedPreviews
+from service.scheduling.engine import Engine
 from service.store.bands import bands
 from service.store.models import Job
 from tests.service.conftest import Service, until
@@ -210,6 +211,27 @@ def test_latest_preview_is_returned_without_a_wait(has_preview: bool) -> None:
         return
     with pytest.raises(Conflict, match="no denoised preview"):
         asyncio.run(made)
+
+
+@pytest.mark.parametrize(
+    ("samples", "is_stored", "found"),
+    [(64, True, 64), (63, True, 4), (64, False, 4), (3, True, None)],
+)
+def test_stored_picture_has_no_more_samples_than_the_film(samples: int, is_stored: bool, found: int | None) -> None:
+    """A picture of more was made of samples that were lost, or rendered wrongly and removed."""
+    preview, picture = (ArtifactResult(digit * 64, samples=made) for digit, made in (("a", 4), ("b", 64)))
+    stored = {preview.sha256, picture.sha256} if is_stored else {preview.sha256}
+    tasks = [Denoising.__new__(Denoising), DenoisedPreviews.__new__(DenoisedPreviews)]
+    for task, made in zip(tasks, (picture, preview), strict=True):
+        task._made = {("j", 0): made}
+        task._blobs = SimpleNamespace(exists=stored.__contains__)  # type: ignore[assignment]
+    engine = Engine.__new__(Engine)
+    engine._artifact_tasks = SimpleNamespace(denoising=tasks[0], previews=tasks[1])  # type: ignore[assignment]
+    film: Any = SimpleNamespace(samples=lambda frame: samples)
+    existing = engine.existing_preview("j", 0, film)
+    assert (existing and existing.samples) == found
+    assert engine.has_denoised("j", 0, samples) is (found is not None)
+    assert engine.existing_preview("j", 1, film) is None
 
 
 def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyPatch) -> None:
