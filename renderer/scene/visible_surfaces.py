@@ -1,4 +1,4 @@
-"""Finds scenes that show nothing from any side: no surface has an area, or all of them are transparent or hidden."""
+"""Notes for users about scenes that show nothing from any side: no surface has an area, or all are transparent or hidden."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from renderer.sentences import Sentence
 
 __all__ = ["INVISIBLE", "all_hidden_note", "invisible_note"]
 
-_FLAT = 1e-6  # height of a triangle by its longest edge below which it is a segment, but for the rounding of its corners
+_FLAT = 1e-6  # ratio of a triangle's height to its longest edge up to which it counts as a line, since corners are rounded
 _CHUNK = 4096  # triangles that are examined at a time
-_MOST_PLACEMENTS = 1000  # of one mesh that are examined; more are assumed to show it
+_MOST_TRIANGLES = 4_000_000  # examined in all placed meshes; a scene with more counts as visible. About a second
+_PLACEMENT = 256  # triangles that take as long as a placement itself
 
 INVISIBLE = ("scene-without-area", "scene-without-area-at-frame", "scene-invisible")  # codes of invisible_note's sentences
 
@@ -25,7 +26,8 @@ F64 = npt.NDArray[np.float64]
 def invisible_note(description: SceneDescription) -> Sentence | None:
     """Returns a sentence for users if the scene, without the studio's floor, shows nothing at its moment; else None.
 
-    Curves, spheres and participating media count as visible. A scene without any surface is refused elsewhere.
+    Curves, spheres and participating media count as visible, and a scene with too many triangles to be examined. A scene without
+    any surface is refused elsewhere.
     """
     instances = description.instances[: len(description.instances) - (description.subject is not None)]
     if description.medium is not None or description.volumes or not (instances or description.spheres):
@@ -56,13 +58,14 @@ def all_hidden_note(count: int) -> Sentence:
 
 
 def _any_with_area(description: SceneDescription, instances: list[Instance]) -> bool:
-    examined: dict[int, int] = {}  # by mesh: number of its placements
+    left = _MOST_TRIANGLES
     for instance in instances:
         mesh = description.meshes[instance.mesh]
-        if has_curves(mesh):
+        triangles = mesh.triangles[:left]
+        if has_curves(mesh) or has_area(mesh.positions, triangles, np.asarray(instance.transform, np.float64)):
             return True
-        count = examined[instance.mesh] = examined.get(instance.mesh, 0) + 1
-        if count > _MOST_PLACEMENTS or has_area(mesh.positions, mesh.triangles, np.asarray(instance.transform, np.float64)):
+        left -= len(triangles) + _PLACEMENT
+        if left <= 0:
             return True
     return False
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from renderer.scene import visible_surfaces
 from renderer.scene.compile import camera_dicts, compile_scene
 from renderer.scene.description import Camera, Environment, Instance, Light, Material, Medium, Mesh, SceneDescription, Sphere
 from renderer.scene.studio import add_floor
@@ -41,6 +42,30 @@ def test_surface_without_area(shape: str, found: str) -> None:
     beside = scene(shape)
     beside.medium = Medium()
     assert code(beside) == ""
+
+
+def test_scene_that_takes_long_to_examine_counts_as_visible(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few bytes of a file can place many triangles without an area many times."""
+    examined: list[int] = []
+
+    def has_area(positions: np.ndarray, triangles: np.ndarray, transform: np.ndarray) -> bool:
+        examined.append(len(triangles))
+        return False
+
+    monkeypatch.setattr(visible_surfaces, "has_area", has_area)
+    description = scene("line")
+    description.meshes[0].triangles = np.zeros((1_500_000, 3), np.int32)
+    description.instances *= 2
+    assert code(description) == INVISIBLE[0]
+    description.instances *= 500
+    examined.clear()
+    assert code(description) == ""
+    assert sum(examined) <= visible_surfaces._MOST_TRIANGLES
+    description.meshes[0].triangles = np.zeros((1, 3), np.int32)
+    description.instances *= 100
+    examined.clear()
+    assert code(description) == ""
+    assert len(examined) < 20_000
 
 
 def test_floor_of_the_studio_is_no_surface_of_the_file() -> None:
