@@ -95,7 +95,7 @@ def _materials(description: SceneDescription, instances: list[Instance]) -> Iter
 
 
 def _is_invisible(material: Material) -> bool:
-    """Returns True if the camera sees no surface with this material, whatever its textures are. Light it emits can be seen."""
+    """Returns True if a surface with this material is invisible to the camera for all values of its textures."""
     if material.unseen:
         return True
     is_clear = {"opaque": False, "mask": material.opacity < material.alpha_cutoff, "blend": material.opacity <= 0.0}

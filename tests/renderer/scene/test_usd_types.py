@@ -46,7 +46,7 @@ def test_camera_without_a_lens_gets_the_usual_one(tmp_path, name, value):
     description = read(tmp_path, "a.usda")
     usual, found = description.cameras
     assert found.view.fov == pytest.approx(usual.view.fov)
-    assert [w for w in description.warnings if "get those of 50 mm (1): c" in w]
+    assert [w for w in description.warnings if "get those of a 50 mm lens (1): c" in w]
 
 
 def test_positions_of_a_mesh_without_faces_do_not_matter(tmp_path):

@@ -62,7 +62,7 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
     length = number_of(camera.GetFocalLengthAttr())
     if not (length > 0 and height > 0):
         notes.add(
-            Sentence("usd-camera-lens-invalid", "Cameras without a positive focal length and aperture get those of 50 mm"),
+            Sentence("usd-camera-lens-invalid", "Cameras without a positive focal length and aperture get those of a 50 mm lens"),
             prim.GetName(),
         )
         length, height = _USUAL_LENS
