@@ -91,6 +91,7 @@ vec3 undisplayed(vec3 c) {
 }
 #ifdef MIRRORS
 uniform samplerCube mirrored; // the scene from its middle, without what reflects it, multiplied by its alpha
+uniform bool showsScene;
 #endif
 // Radiance along a ray: of the scene, if it is seen there, placed at the sides of its bounds; or else of what is around.
 vec3 seenAlong(vec3 place, vec3 way, float rough) {
@@ -99,7 +100,7 @@ vec3 seenAlong(vec3 place, vec3 way, float rough) {
   vec3 safe = mix(way, vec3(1e-6), lessThan(abs(way), vec3(1e-6)));
   vec3 ends = (0.5 * extent * sign(safe) - place) / safe;
   vec4 known = textureLod(mirrored, place + max(min(ends.x, min(ends.y, ends.z)), 0.0) * way, 7.0 * sqrt(rough));
-  if (known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
+  if (showsScene && known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
 #endif
   return light;
 }
