@@ -76,7 +76,7 @@ export class MeshCanvas {
     this.chosen = {};
     /** What is drawn before glass. @type {WebGLTexture | null} */
     this.behind = null;
-    /** The scene as its mirrors see it, and the exposure with which it was drawn; while it is drawn, its texture is null. @type {{texture: WebGLTexture | null, gain: number} | null} */
+    /** The scene as its mirrors see it, and the exposure with which it was drawn; while it is drawn, its texture is null. @type {{texture: WebGLTexture | null, gain: number, from: Vec3} | null} */
     this.mirrored = null;
     /** Middles of the parts, relative to the mesh's, their sizes, and whether they are shaded at the vertices. @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}[]} */
     this.places = [];
@@ -294,7 +294,7 @@ export class MeshCanvas {
     const { gl, programs } = this;
     if (!gl || !programs) return;
     const light = this.prepareLight(mesh);
-    if (onPage && !kept) this.drawMirrored(mesh, view, light.isBlack);
+    if (onPage && !kept) this.drawMirrored(mesh, view);
     const mirrored = this.mirrored?.texture ?? null;
     const shadows = onPage && !kept && this.shadows?.isPossible ? this.shadows : null;
     const eye = view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
@@ -332,6 +332,8 @@ export class MeshCanvas {
       this.setLamps(light.lamps, mesh);
       if (onPage) shadows?.bind(at, onPage);
       if (mirrored) {
+        gl.uniform3fv(at("mirroredFrom"), this.mirrored?.from ?? [0, 0, 0]);
+        gl.uniform1i(at("isBlack"), light.isBlack ? 1 : 0);
         gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
         gl.bindTexture(gl.TEXTURE_CUBE_MAP, mirrored);
       }
@@ -339,7 +341,7 @@ export class MeshCanvas {
     };
     if (onPage) shadows?.follow(toClip, eye, onPage);
     if (onPage) gl.viewport(0, 0, onPage.width, onPage.height);
-    const parts = this.partsOf(mesh, light.isBlack).filter(({ showsScene, material }) => !this.mirrored || mirrored || !(showsScene || material.transmission > 0));
+    const parts = this.partsOf(mesh).filter(({ showsScene, material }) => !this.mirrored || mirrored || !(showsScene || material.transmission > 0));
     const glass = parts.filter(({ material }) => material.transmission > 0);
     const blended = parts.filter(({ material }) => material.transmission === 0 && material.alpha_mode === "blend");
     const away = (/** @type {Vec3} */ middle) => middle.reduce((sum, value, i) => sum + (eye[3] ? ((eye[i] ?? 0) - value) ** 2 : -(eye[i] ?? 0) * value), 0);
@@ -383,33 +385,35 @@ export class MeshCanvas {
   }
 
   /**
-   * Returns the parts, with their materials, and whether they show the scene from its middle: a flat mirror elsewhere would show it in wrong
-   * places, which is worse than the light around, unless that is black.
+   * Returns the parts, with their materials, and whether they show the scene: balls as it is seen from its middle, and a mirror of another
+   * shape if it is the only one, as seen from there; elsewhere it would show things in wrong places, which is worse than the light around.
    *
    * @param {MeshPacket} mesh
-   * @param {boolean} isBlack whether only lamps light the scene
    */
-  partsOf(mesh, isBlack) {
+  partsOf(mesh) {
+    const isAlone = mesh.parts.filter(({ material }) => isMirror(/** @type {MeshMaterial} */ (mesh.materials[material]))).length === 1;
     return mesh.parts.map((part, i) => {
       const place = /** @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}} */ (this.places[i]);
       const material = /** @type {MeshMaterial} */ (mesh.materials[part.material]);
-      return { part, ...place, material, showsScene: isMirror(material) && (place.isBall || isBlack) };
+      return { part, ...place, material, showsScene: isMirror(material) && (place.isBall || isAlone) };
     });
   }
 
-  /** Draws what the mirrors show, unless it is drawn. @param {MeshPacket} mesh @param {View} view @param {boolean} isBlack whether only lamps light the scene */
-  drawMirrored(mesh, view, isBlack) {
+  /** Draws what the mirrors show, unless it is drawn. @param {MeshPacket} mesh @param {View} view */
+  drawMirrored(mesh, view) {
     const { gl, look } = this;
     if (this.mirrored && this.mirrored.gain !== look.gain) this.forgetMirrored();
     if (!gl || this.mirrored) return;
-    const parts = this.partsOf(mesh, isBlack);
-    if (!parts.some(({ showsScene }) => showsScene) || parts.every(({ material }) => isMirror(material))) return;
-    this.mirrored = { texture: null, gain: look.gain };
+    const parts = this.partsOf(mesh);
+    const mirrors = parts.filter(({ showsScene }) => showsScene);
+    if (!mirrors.length || parts.every(({ material }) => isMirror(material))) return;
+    const from = /** @type {Vec3} */ ((mirrors.length === 1 && mirrors[0]?.middle) || [0, 0, 0]);
+    this.mirrored = { texture: null, gain: look.gain, from };
     const radius = Math.hypot(...mesh.high.map((value, i) => value - (mesh.low[i] ?? 0))) / 2 || 1;
     gl.enable(gl.DEPTH_TEST);
     gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
-    const texture = mirrorTexture(gl, radius, (toClip) => this.drawMesh(toClip, mesh, view, null, null));
-    this.mirrored = { texture, gain: look.gain };
+    const texture = mirrorTexture(gl, radius, from, (toClip) => this.drawMesh(toClip, mesh, view, null, null));
+    this.mirrored = { texture, gain: look.gain, from };
   }
 
   forgetMirrored() {
