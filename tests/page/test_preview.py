@@ -258,6 +258,18 @@ def test_light_is_prepared_before_a_kept_picture_is_measured(node: Node) -> None
     assert node.call("scene/mesh-canvas", body, {"view": VIEW, "distance": 0}) == [], "the picture's own camera needs no mesh"
 
 
+def test_flat_mirror_shows_the_scene_only_if_it_is_the_only_one(node: Node) -> None:
+    body = """
+        const shape = { middle: [0, 0, 0], size: 1, isDense: false };
+        const plain = { metallic: 0, roughness: 0.5, f0: [0.04, 0.04, 0.04], transmission: 0 };
+        const shows = (balls) => m.MeshCanvas.prototype.partsOf.call(
+            { places: [...balls, true].map((isBall) => ({ ...shape, isBall })) },
+            { parts: [...balls.map(() => ({ material: 0 })), { material: 1 }], materials: [{ ...plain, metallic: 1, roughness: 0.1 }, plain] },
+        ).map(({ showsScene }) => showsScene);
+        return [shows([false]), shows([true, false])];"""
+    assert node.call("scene/mesh-canvas", body, {}) == [[True, False], [True, False, False]]
+
+
 def test_reading_is_given_up_when_it_takes_long_or_the_service_refuses(node: Node) -> None:
     """The service's mesh does not wait for the page's own, and the worker ends."""
     mesh = triangle()
