@@ -264,7 +264,10 @@ def test_flat_mirror_shows_the_scene_only_if_it_is_the_only_one(node: Node) -> N
         const plain = { metallic: 0, roughness: 0.5, f0: [0.04, 0.04, 0.04], transmission: 0 };
         const shows = (balls) => m.MeshCanvas.prototype.partsOf.call(
             { places: [...balls, true].map((isBall) => ({ ...shape, isBall })) },
-            { parts: [...balls.map(() => ({ material: 0 })), { material: 1 }], materials: [{ ...plain, metallic: 1, roughness: 0.1 }, plain] },
+            {
+                parts: [...balls.map(() => ({ material: 0 })), { material: 1 }],
+                materials: [{ ...plain, metallic: 1, roughness: 0.1 }, plain],
+            },
         ).map(({ showsScene }) => showsScene);
         return [shows([false]), shows([true, false])];"""
     assert node.call("scene/mesh-canvas", body, {}) == [[True, False], [True, False, False]]
