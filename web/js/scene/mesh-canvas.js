@@ -341,7 +341,7 @@ export class MeshCanvas {
     };
     if (onPage) shadows?.follow(toClip, eye, onPage);
     if (onPage) gl.viewport(0, 0, onPage.width, onPage.height);
-    const parts = this.partsOf(mesh).filter(({ showsScene, material }) => !this.mirrored || mirrored || !(showsScene || material.transmission > 0));
+    const parts = this.partsOf(mesh).filter(({ showsScene }) => !this.mirrored || mirrored || !showsScene);
     const glass = parts.filter(({ material }) => material.transmission > 0);
     const blended = parts.filter(({ material }) => material.transmission === 0 && material.alpha_mode === "blend");
     const away = (/** @type {Vec3} */ middle) => middle.reduce((sum, value, i) => sum + (eye[3] ? ((eye[i] ?? 0) - value) ** 2 : -(eye[i] ?? 0) * value), 0);
@@ -384,18 +384,12 @@ export class MeshCanvas {
     gl.activeTexture(gl.TEXTURE0);
   }
 
-  /**
-   * Returns the parts, with their materials, and whether they show the scene: balls as it is seen from its middle, and a mirror of another
-   * shape if it is the only one, as seen from there; elsewhere it would show things in wrong places, which is worse than the light around.
-   *
-   * @param {MeshPacket} mesh
-   */
+  /** Returns the parts, with their materials, and whether they show the scene. @param {MeshPacket} mesh */
   partsOf(mesh) {
-    const isAlone = mesh.parts.filter(({ material }) => isMirror(/** @type {MeshMaterial} */ (mesh.materials[material]))).length === 1;
     return mesh.parts.map((part, i) => {
       const place = /** @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}} */ (this.places[i]);
       const material = /** @type {MeshMaterial} */ (mesh.materials[part.material]);
-      return { part, ...place, material, showsScene: isMirror(material) && (place.isBall || isAlone) };
+      return { part, ...place, material, showsScene: isMirror(material) };
     });
   }
 
@@ -406,7 +400,8 @@ export class MeshCanvas {
     if (!gl || this.mirrored) return;
     const parts = this.partsOf(mesh);
     const mirrors = parts.filter(({ showsScene }) => showsScene);
-    if (!mirrors.length || parts.every(({ material }) => isMirror(material))) return;
+    if (!mirrors.length || mirrors.length === parts.length) return;
+    // Seen from elsewhere, things would be in wrong places in it.
     const from = /** @type {Vec3} */ ((mirrors.length === 1 && mirrors[0]?.middle) || [0, 0, 0]);
     this.mirrored = { texture: null, gain: look.gain, from };
     const radius = Math.hypot(...mesh.high.map((value, i) => value - (mesh.low[i] ?? 0))) / 2 || 1;
