@@ -258,6 +258,27 @@ def test_light_is_prepared_before_a_kept_picture_is_measured(node: Node) -> None
     assert node.call("scene/mesh-canvas", body, {"view": VIEW, "distance": 0}) == [], "the picture's own camera needs no mesh"
 
 
+def test_scene_is_seen_from_its_only_mirror(node: Node) -> None:
+    body = """
+        const plain = { metallic: 0, roughness: 0.5, f0: [0.04, 0.04, 0.04], transmission: 0 };
+        const gl = new Proxy({}, { get: () => () => {} });
+        const from = (mirrors) => {
+            const canvas = Object.create(m.MeshCanvas.prototype, {
+                gl: { value: gl },
+                look: { value: { gain: 1 } },
+                drawMesh: { value: () => {} },
+                mirrored: { value: null, writable: true },
+                places: { value: [...mirrors, [0, 0, 0]].map((middle) => ({ middle, size: 1, isDense: false, isBall: false })) },
+            });
+            const parts = [...mirrors.map(() => ({ material: 0 })), { material: 1 }];
+            const materials = [{ ...plain, metallic: 1, roughness: 0.1 }, plain];
+            canvas.drawMirrored({ low: [0, 0, 0], high: [1, 1, 1], parts, materials }, {});
+            return canvas.mirrored.from;
+        };
+        return [from([[1, 2, 3]]), from([[1, 2, 3], [4, 5, 6]])];"""
+    assert node.call("scene/mesh-canvas", body, {}) == [[1, 2, 3], [0, 0, 0]]
+
+
 def test_reading_is_given_up_when_it_takes_long_or_the_service_refuses(node: Node) -> None:
     """The service's mesh does not wait for the page's own, and the worker ends."""
     mesh = triangle()

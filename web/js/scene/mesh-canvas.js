@@ -76,7 +76,7 @@ export class MeshCanvas {
     this.chosen = {};
     /** What is drawn before glass. @type {WebGLTexture | null} */
     this.behind = null;
-    /** The scene as its mirrors see it, and the light and the exposure with which it was drawn; while it is drawn, its texture is null. @type {{texture: WebGLTexture | null, light: NonNullable<MeshCanvas["light"]>, gain: number} | null} */
+    /** The scene as its mirrors see it from a point, and the light and the exposure with which it was drawn; while it is drawn, its texture is null. @type {{texture: WebGLTexture | null, light: NonNullable<MeshCanvas["light"]>, gain: number, from: Vec3} | null} */
     this.mirrored = null;
     /** Middles of the parts, relative to the mesh's, their sizes, and whether they are shaded at the vertices. @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}[]} */
     this.places = [];
@@ -303,7 +303,7 @@ export class MeshCanvas {
     /**
      * Chooses the program that draws some parts. Returns false if the driver refuses it.
      *
-     * @param {{material: MeshMaterial}[]} of
+     * @param {{material: MeshMaterial, showsScene: boolean}[]} of
      * @param {number} pass
      * @param {boolean} [isDense]
      */
@@ -311,7 +311,7 @@ export class MeshCanvas {
       const features = [...curves, ...featuresOf(of)];
       if (kept) features.push("KEPT");
       if (shadows) features.push("SHADOWS");
-      if (mirrored && of.some(({ material }) => isMirror(material))) features.push("MIRRORS");
+      if (mirrored && of.some(({ showsScene }) => showsScene)) features.push("MIRRORS");
       if (light.lamps.length) features.push("LAMPS");
       const linked = isDense ? programs.with(DENSE_VERTEX, DENSE_FRAGMENT, features) : programs.with(VERTEX, FRAGMENT, features);
       if (!linked) return false;
@@ -331,6 +331,8 @@ export class MeshCanvas {
       this.setLamps(light.lamps, mesh);
       if (onPage) shadows?.bind(at, onPage);
       if (mirrored) {
+        gl.uniform3fv(at("mirroredFrom"), this.mirrored?.from ?? [0, 0, 0]);
+        gl.uniform1i(at("isBlack"), light.isBlack ? 1 : 0);
         gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
         gl.bindTexture(gl.TEXTURE_CUBE_MAP, mirrored);
       }
@@ -338,7 +340,7 @@ export class MeshCanvas {
     };
     if (onPage) shadows?.follow(toClip, eye, onPage);
     if (onPage) gl.viewport(0, 0, onPage.width, onPage.height);
-    const parts = mesh.parts.map((part, i) => ({ part, .../** @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}} */ (this.places[i]), material: /** @type {MeshMaterial} */ (mesh.materials[part.material]) })).filter(({ material }) => !this.mirrored || mirrored || !isMirror(material));
+    const parts = this.partsOf(mesh).filter(({ showsScene }) => !this.mirrored || mirrored || !showsScene);
     const glass = parts.filter(({ material }) => material.transmission > 0);
     const blended = parts.filter(({ material }) => material.transmission === 0 && material.alpha_mode === "blend");
     const away = (/** @type {Vec3} */ middle) => middle.reduce((sum, value, i) => sum + (eye[3] ? ((eye[i] ?? 0) - value) ** 2 : -(eye[i] ?? 0) * value), 0);
@@ -347,7 +349,7 @@ export class MeshCanvas {
     const opaque = parts.filter(({ material }) => material.transmission === 0);
     for (const dense of [true, false]) {
       const chosen = opaque.filter(({ isDense, material }) => dense === (isDense && isDefaultCurve && isPlain(material)));
-      if (chosen.length && use(dense ? chosen : [...chosen, ...blended], PASS.opaque, dense)) for (const { part, material } of chosen) this.drawPart(part, material);
+      if (chosen.length && use(dense ? chosen : [...chosen, ...blended], PASS.opaque, dense)) for (const each of chosen) this.drawPart(each);
     }
     if (onPage && shadows && this.hasFloor) this.drawFloor(shadows, toClip, eye, onPage, light, [...curves, ...(light.lamps.length ? /** @type {const} */ (["LAMPS"]) : [])]);
     const hasBehind = onPage !== null && glass.length > 0;
@@ -358,10 +360,10 @@ export class MeshCanvas {
     if (glass.length && use(glass, PASS.glass)) {
       gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);
       if (hasBehind) bind(gl, UNITS.behind, this.behind);
-      for (const { part, material, size, isBall } of farthestFirst(glass)) {
-        gl.uniform1i(this.at("isBall"), isBall ? 1 : 0);
-        gl.uniform1f(this.at("depth"), material.thin ? 0 : size);
-        this.drawPart(part, material);
+      for (const each of farthestFirst(glass)) {
+        gl.uniform1i(this.at("isBall"), each.isBall ? 1 : 0);
+        gl.uniform1f(this.at("depth"), each.material.thin ? 0 : each.size);
+        this.drawPart(each);
       }
     }
     if (blended.length && use([...opaque, ...blended], PASS.blend)) {
@@ -369,10 +371,10 @@ export class MeshCanvas {
       gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(false);
       gl.enable(gl.CULL_FACE);
-      for (const { part, material } of farthestFirst(blended))
+      for (const each of farthestFirst(blended))
         for (const face of [gl.FRONT, gl.BACK]) {
           gl.cullFace(face); // the far side first
-          this.drawPart(part, material);
+          this.drawPart(each);
         }
       gl.disable(gl.CULL_FACE);
       gl.depthMask(true);
@@ -381,18 +383,31 @@ export class MeshCanvas {
     gl.activeTexture(gl.TEXTURE0);
   }
 
+  /** Returns the parts, with their materials, and whether they show the scene. @param {MeshPacket} mesh */
+  partsOf(mesh) {
+    return mesh.parts.map((part, i) => {
+      const place = /** @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}} */ (this.places[i]);
+      const material = /** @type {MeshMaterial} */ (mesh.materials[part.material]);
+      return { part, ...place, material, showsScene: isMirror(material) };
+    });
+  }
+
   /** Draws the scene for its mirrors, unless it is drawn in this light and with this exposure. @param {MeshPacket} mesh @param {View} view @param {NonNullable<MeshCanvas["light"]>} light */
   drawMirrored(mesh, view, light) {
     const { gl, look } = this;
     if (this.mirrored && (this.mirrored.gain !== look.gain || this.mirrored.light !== light)) this.forgetMirrored();
-    const has = (/** @type {boolean} */ wanted) => mesh.parts.some(({ material }) => isMirror(/** @type {MeshMaterial} */ (mesh.materials[material])) === wanted);
-    if (!gl || this.mirrored || !has(true) || !has(false)) return;
-    this.mirrored = { texture: null, light, gain: look.gain };
+    if (!gl || this.mirrored) return;
+    const parts = this.partsOf(mesh);
+    const mirrors = parts.filter(({ showsScene }) => showsScene);
+    if (!mirrors.length || mirrors.length === parts.length) return;
+    // Seen from elsewhere, things would be in wrong places in it.
+    const from = /** @type {Vec3} */ ((mirrors.length === 1 && mirrors[0]?.middle) || [0, 0, 0]);
+    this.mirrored = { texture: null, light, gain: look.gain, from };
     const radius = Math.hypot(...mesh.high.map((value, i) => value - (mesh.low[i] ?? 0))) / 2 || 1;
     gl.enable(gl.DEPTH_TEST);
     gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
-    const texture = mirrorTexture(gl, radius, (toClip) => this.drawMesh(toClip, mesh, view, null, null));
-    this.mirrored = { texture, light, gain: look.gain };
+    const texture = mirrorTexture(gl, radius, from, (toClip) => this.drawMesh(toClip, mesh, view, null, null));
+    this.mirrored = { texture, light, gain: look.gain, from };
   }
 
   forgetMirrored() {
@@ -400,8 +415,8 @@ export class MeshCanvas {
     this.mirrored = null;
   }
 
-  /** @param {MeshPart} part @param {MeshMaterial} material */
-  drawPart({ first, corners }, material) {
+  /** @param {{part: MeshPart, material: MeshMaterial, showsScene: boolean}} drawn */
+  drawPart({ part: { first, corners }, material, showsScene }) {
     const { gl, at, textures } = this;
     if (!gl) return;
     bind(gl, UNITS.roughMetal, textures.at(material.metallic_roughness_texture) ?? null); // -1 is the last
@@ -416,6 +431,7 @@ export class MeshCanvas {
     gl.uniform1f(at("coat"), material.coat);
     gl.uniform1f(at("coatRoughness"), material.coat_roughness);
     gl.uniform1i(at("unlit"), material.unlit ? 1 : 0);
+    gl.uniform1i(at("showsScene"), showsScene ? 1 : 0);
     gl.uniform1i(at("isWhole"), material.texture < 0 && !this.kept ? 1 : 0);
     this.drawShape({ first, corners, material: 0 }, material, at);
   }
@@ -492,10 +508,17 @@ export class MeshCanvas {
     gl.uniform1f(at("gain"), this.look.gain);
     gl.uniform1i(at("curve"), this.look.curve);
     this.setLamps(light.lamps, mesh);
-    gl.enable(gl.BLEND);
-    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    gl.depthMask(false);
+    const isBlended = light.lamps.length > 0; // else it hides what is behind it, which need not be shaded
+    if (isBlended) {
+      gl.enable(gl.BLEND);
+      gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+      gl.depthMask(false);
+    } else {
+      gl.enable(gl.POLYGON_OFFSET_FILL);
+      gl.polygonOffset(1, 2); // below what lies on it
+    }
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+    gl.disable(gl.POLYGON_OFFSET_FILL);
     gl.depthMask(true);
     gl.disable(gl.BLEND);
   }

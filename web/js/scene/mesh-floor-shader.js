@@ -19,7 +19,7 @@ const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 // Radiance that the floor lacks at a point of its map.
 vec3 lackingAt(vec2 uv, float level) {
   vec2 edge = 1.0 - smoothstep(0.3, 0.5, abs(uv - 0.5));
-  vec4 missed = textureLod(floorMissed, uv, level);
+  vec4 missed = textureLod(floorMissed, uv, floor(8.0 * level + 0.5) / 8.0); // levels that differ within a group of pixels are slow in software
   return edge.x * edge.y * missed.rgb / max(missed.a, 1e-9) * dot(floorRadiance, LUMINANCE);
 }
 // Width in texels that the floor's shadow is blurred to: the farther the thing is that casts it, the more directions must blend. Negative: there is no shadow.

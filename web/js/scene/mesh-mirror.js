@@ -1,4 +1,4 @@
-/** Reflections in the mirrors of a preview mesh: its other surfaces, drawn once from its middle into the six sides of a cube. */
+/** Reflections in the mirrors of a preview mesh: its other surfaces, drawn once from a point into the six sides of a cube. */
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../news/mesh-packet.js").MeshMaterial} MeshMaterial */
@@ -27,10 +27,11 @@ export const isMirror = ({ metallic, roughness, f0, transmission }) => transmiss
  *
  * @param {WebGL2RenderingContext} gl
  * @param {number} radius of the scene
+ * @param {Vec3} from where it is seen from
  * @param {(toClip: Float32Array<ArrayBuffer>) => void} draw
  * @returns {WebGLTexture} bound to the active unit
  */
-export function mirrorTexture(gl, radius, draw) {
+export function mirrorTexture(gl, radius, from, draw) {
   const unit = gl.getParameter(gl.ACTIVE_TEXTURE);
   const texture = gl.createTexture();
   gl.bindTexture(gl.TEXTURE_CUBE_MAP, texture);
@@ -47,7 +48,7 @@ export function mirrorTexture(gl, radius, draw) {
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_CUBE_MAP_POSITIVE_X + side, texture, 0);
     gl.viewport(0, 0, SIDE, SIDE);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    draw(projection(right, up, forward, NEAR * radius, FAR * radius));
+    draw(projection(from, right, up, forward, NEAR * radius, FAR * radius));
   });
   gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   gl.deleteFramebuffer(frame);
@@ -58,9 +59,10 @@ export function mirrorTexture(gl, radius, draw) {
   return texture;
 }
 
-/** Returns the matrix, column by column, of a view of 90 degrees from the middle. @param {Vec3} right @param {Vec3} up @param {Vec3} forward @param {number} near @param {number} far */
-function projection(right, up, forward, near, far) {
+/** Returns the matrix, column by column, of a view of 90 degrees. @param {Vec3} from @param {Vec3} right @param {Vec3} up @param {Vec3} forward @param {number} near @param {number} far */
+function projection(from, right, up, forward, near, far) {
   const depth = (far + near) / (far - near);
-  const rows = [[...right, 0], [...up, 0], [...forward.map((value) => depth * value), (-2 * far * near) / (far - near)], [...forward, 0]];
+  const along = (/** @type {Vec3} */ axis) => axis.reduce((sum, value, i) => sum - value * (from[i] ?? 0), 0); // that of the middle
+  const rows = [[...right, along(right)], [...up, along(up)], [...forward.map((value) => depth * value), depth * along(forward) - (2 * far * near) / (far - near)], [...forward, along(forward)]];
   return Float32Array.from({ length: 16 }, (_, at) => rows[at % 4]?.[at >> 2] ?? 0);
 }

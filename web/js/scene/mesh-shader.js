@@ -90,7 +90,10 @@ vec3 undisplayed(vec3 c) {
   return (c + (least < 0.04 ? sqrt(least / 6.25) - least : 0.04)) / gain;
 }
 #ifdef MIRRORS
-uniform samplerCube mirrored; // the scene from its middle, without what reflects it, multiplied by its alpha
+uniform samplerCube mirrored; // the scene from a point, without what reflects it, multiplied by its alpha
+uniform vec3 mirroredFrom;
+uniform bool showsScene;
+uniform bool isBlack; // nothing is around the scene
 #endif
 // Radiance along a ray: of the scene, if it is seen there, placed at the sides of its bounds; or else of what is around.
 vec3 seenAlong(vec3 place, vec3 way, float rough) {
@@ -98,8 +101,9 @@ vec3 seenAlong(vec3 place, vec3 way, float rough) {
 #ifdef MIRRORS
   vec3 safe = mix(way, vec3(1e-6), lessThan(abs(way), vec3(1e-6)));
   vec3 ends = (0.5 * extent * sign(safe) - place) / safe;
-  vec4 known = textureLod(mirrored, place + max(min(ends.x, min(ends.y, ends.z)), 0.0) * way, 7.0 * sqrt(rough));
-  if (known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
+  vec4 known = textureLod(mirrored, place + max(min(ends.x, min(ends.y, ends.z)), 0.0) * way - mirroredFrom, 7.0 * sqrt(rough));
+  if (showsScene && isBlack) light = vec3(0.0);
+  if (showsScene && known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
 #endif
   return light;
 }

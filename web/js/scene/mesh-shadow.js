@@ -31,11 +31,13 @@ const UNITS = { maps: 9, seenDepth: 10, seenNormal: 11, missed: 12, open: 13, fl
 /** Pixels of the view above which shadows are computed for every other one along a side. */
 const MANY_PIXELS = 500_000;
 /** Pixels along a side for which the coarse shadows are computed once. */
-const COARSE = 2;
+const COARSE = 3;
 /** Time, in milliseconds, that the shadows may take of a frame; and number of tiles that are drawn in a frame, at first and at least. */
 const [BUDGET_MS, FEWEST_TILES] = [25, 4];
 /** Triangles that the first frame's directions may have together. */
 const FIRST_TRIANGLES = 800_000;
+/** Directions that are gathered at once at full resolution: about 0.1 s where a processor stands in for a graphics card. */
+const SLICE = 8;
 /** Directions of the first frame. */
 const FIRST_TILES = 32;
 /** Difference of two scenes' extents, of their size, up to which they have the same shape. */
@@ -215,7 +217,7 @@ export class MeshShadows {
       maps.drawDirections(this.tilesAtOnce);
       if (maps.drawn === this.samples.length) this.gatherFloor();
     } else {
-      for (let i = 0; i < Math.max(1, this.tilesAtOnce / TOGETHER) && !this.isDone; i++) this.gatherMore();
+      for (let i = 0; i < Math.max(1, this.tilesAtOnce / SLICE) && !this.isDone; i++) this.gatherMore();
       if (this.isDone && this.seen) this.smooth(this.seen.fine, 1);
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
@@ -248,17 +250,17 @@ export class MeshShadows {
     const { seen } = this;
     if (!seen) return;
     if (!this.fine) this.clear(seen.fine, 0);
-    this.gather(seen.fine, this.fine, 1);
-    this.fine = Math.min(this.fine + TOGETHER, this.samples.length);
+    this.gather(seen.fine, this.fine, 1, SLICE);
+    this.fine = Math.min(this.fine + SLICE, this.samples.length);
   }
 
-  /** Adds up what the light of some directions misses. @param {WebGLTexture} target @param {number} first @param {number} step pixels that a texel of the target stands for; 0: it is the floor's map */
-  gather(target, first, step) {
+  /** Adds up what the light of some directions misses. @param {WebGLTexture} target @param {number} first @param {number} step pixels that a texel of the target stands for; 0: it is the floor's map @param {number} [most] directions, TOGETHER at most */
+  gather(target, first, step, most = TOGETHER) {
     const { gl, maps, samples } = this;
     const linked = this.program(GATHER_VERTEX, GATHER_FRAGMENT, step ? [] : ["FLOOR"]);
     if (!maps || !linked) return;
     const { at } = linked;
-    const last = Math.min(first + TOGETHER, maps.drawn);
+    const last = Math.min(first + most, maps.drawn);
     this.beginPoints(linked, target, step);
     maps.bind(UNITS.maps, maps.directions);
     gl.uniform1i(at("first"), first);
