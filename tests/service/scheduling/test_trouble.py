@@ -102,7 +102,7 @@ def test_failing_worker_is_quarantined_until_resumed(service: Service) -> None:
 
         until(lambda: state_of("bad")["state"] == "paused", "it is set aside")
         assert (
-            "of its batches failed while other workers rendered theirs. Check its log, then resume it"
+            "of its batches failed while others rendered theirs. Check its log, then resume it"
             in state_of("bad")["message"]
         )
         assert (state_of("good")["state"], state_of("good")["message"]) == ("ready", None)
