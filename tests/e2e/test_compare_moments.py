@@ -122,8 +122,8 @@ def test_dropped_picture_becomes_reference(farm: Farm, watched: Watched, tmp_pat
     small = encode.encode(truth[:32, :48], "png")
     page.evaluate(DROP, ["small.png", list(small)])
     expect(page.get_by_role("status").filter(has_text="A is 48×32, B is 96×64")).to_be_visible()
-    expect(ways).to_contain_text("of different sizes")
-    expect(panel).to_contain_text("8 bits a channel")
+    expect(ways).to_contain_text("differ in size")
+    expect(panel).to_contain_text("8 bits per channel")
     page.evaluate(DROP, ["broken.exr", [1, 2, 3]])
     expect(page.get_by_text("broken.exr was not accepted")).to_be_visible()
 

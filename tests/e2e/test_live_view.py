@@ -138,9 +138,9 @@ def test_live_view_navigates_and_survives_killed_slot(farm: Farm, watched: Watch
     expect(focus).not_to_have_value("")
     assert 2 < float(focus.input_value()) < 20, "the floor, between the camera and the spheres"
     hint = page.locator(".view-hint")
-    expect(hint).to_contain_text("Give the lens an aperture")
+    expect(hint).to_contain_text("Set an aperture")
     page.get_by_label("f-number").fill("1.4")
-    expect(hint).not_to_contain_text("Give the lens an aperture")
+    expect(hint).not_to_contain_text("Set an aperture")
     assert float(page.get_by_label("Aperture").input_value()) > 0
     assert [error for error in watched.errors if "WebSocket" not in error] == []
 

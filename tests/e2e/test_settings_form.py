@@ -344,7 +344,7 @@ def test_changed_fields_are_requested(page: Page) -> None:
     page.get_by_label("Light samples").fill("4")
     page.get_by_label("Pixel filter").select_option("tent")
     page.get_by_role("radio", name="Clear sky").check(force=True)
-    dial = page.get_by_role("slider", name="Where the sun stands")
+    dial = page.get_by_role("slider", name="Sun position")
     dial.press("ArrowUp")
     dial.press("Shift+ArrowLeft")
     asked = submitted_request(page)

@@ -90,7 +90,7 @@ def test_static_scene_offers_turntable(page: Page) -> None:
     expect(page.get_by_label("Frame", exact=True)).to_be_hidden()
     page.get_by_text("Shot", exact=True).click()
     expect(page.get_by_label("Frames", exact=True)).to_have_value("0-95")
-    page.get_by_label("Once around").fill("2")
+    page.get_by_label("Turn duration, s").fill("2")
     assert submitted_request(page) == {**STILL, "frames": "0-47", "fps": 24, "turntable": 2, "order": "in-turn"}
 
 

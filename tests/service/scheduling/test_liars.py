@@ -49,7 +49,7 @@ def test_worker_with_invalid_sums_is_quarantined(service: Service, how: str) -> 
             return str(next(w for w in service.http.get("/api/workers").json() if w["name"] == "bad")["message"])
 
         until(
-            lambda: "of its batches failed while other workers rendered theirs. Check its log, then resume it" in told(),
+            lambda: "of its batches failed while others rendered theirs. Check its log, then resume it" in told(),
             "it is set aside",
             LONG_S,
         )

@@ -101,10 +101,7 @@ def test_failing_worker_is_quarantined_until_resumed(service: Service) -> None:
             return next(w for w in service.http.get("/api/workers").json() if w["name"] == name)
 
         until(lambda: state_of("bad")["state"] == "paused", "it is set aside")
-        assert (
-            "of its batches failed while other workers rendered theirs. Check its log, then resume it"
-            in state_of("bad")["message"]
-        )
+        assert "of its batches failed while others rendered theirs. Check its log, then resume it" in state_of("bad")["message"]
         assert (state_of("good")["state"], state_of("good")["message"]) == ("ready", None)
         service.wait_for(job, "finished")
         assert service.digest(job) == expected_digest(spp=40)

@@ -165,13 +165,14 @@ export function thumbnail() {
     element,
     /**
      * @param {Scene} scene
-     * @param {string} [better] a better picture of it, rendered by a job or shipped with an example
+     * @param {string} [better] URL of a better picture of it, rendered by a job or shipped with an example; "" or none for the thumbnail
      */
     update(scene, better) {
       reason = invisibleWords(scene);
       const own = scene.thumbnail ? thumbnailUrl(scene.id) : "";
-      if ((better ?? own) === shown) return;
-      shown = better ?? own;
+      const url = better || own;
+      if (url === shown) return;
+      shown = url;
       show(shown, own === shown ? "" : own);
     },
   };
