@@ -53,6 +53,12 @@ DRAG_OVER = """() => {
   dragged.items.add(new File(["x"], "truck.glb"));
   dispatchEvent(new DragEvent("dragover", { dataTransfer: dragged, bubbles: true, cancelable: true }));
 }"""
+CLEAR_SPP = 16  # of a live view's denoised picture
+# The view's own picture, by the words of its tag.
+IS_CLEAR = """least => {
+  const words = document.querySelector(".view-state")?.textContent ?? "";
+  return words.includes("denoised") && (parseFloat(words) >= least || words.includes("done"));
+}"""
 RECORDED_S = 9.0  # a third turning, the rest converging
 
 
@@ -82,11 +88,18 @@ def main() -> None:
             request, enough, pose = TAKEN[name]
             job = options.job or _job_id(options.server, **request)
             _wait_for_samples(options.server, job, enough)
-            page = chromium.new_page(viewport=SIZE, color_scheme="light", reduced_motion="reduce")
+            page = _opened(chromium, viewport=SIZE, color_scheme="light", reduced_motion="reduce")
             page.goto(f"{options.server}/#/jobs/{job}")
             pose(page)
             _save_jpeg(page, options.output / f"{name}.jpg")
             page.close()
+
+
+def _opened(chromium: Browser, **options: Any) -> Page:
+    """Opens a page whose actions may take long, as they do beside a farm that renders on the same cores."""
+    page = chromium.new_page(**options)
+    page.set_default_timeout(1000 * PATIENCE_S)
+    return page
 
 
 def _tour(chromium: Browser, server: str, folder: Path) -> None:
@@ -100,7 +113,7 @@ def _tour(chromium: Browser, server: str, folder: Path) -> None:
     pages["compare"] = f"compare/{own}/{other}"
     for width, height in WIDTHS.items():
         for theme in ("light", "dark"):
-            page = chromium.new_page(viewport={"width": width, "height": height}, color_scheme=theme, reduced_motion="reduce")
+            page = _opened(chromium, viewport={"width": width, "height": height}, color_scheme=theme, reduced_motion="reduce")
             for name, place in pages.items():
                 page.goto(f"{server}/#/{place}")
                 page.wait_for_timeout(2 * SETTLE_MS)
@@ -111,7 +124,7 @@ def _tour(chromium: Browser, server: str, folder: Path) -> None:
 
 def _record(chromium: Browser, server: str, folder: Path) -> None:
     """Records an interactive view while it is turned and then converges, as an animated WebP in real time."""
-    page = chromium.new_page(viewport={"width": 1200, "height": 700}, color_scheme="light")
+    page = _opened(chromium, viewport={"width": 1200, "height": 700}, color_scheme="light")
     page.goto(f"{server}/#/scenes/{_scene(server, 'still-life')}")
     view = page.locator(".live-view canvas:not(.mesh)").first
     view.wait_for()
@@ -143,7 +156,7 @@ def _record(chromium: Browser, server: str, folder: Path) -> None:
 
 def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     """Walks on an empty farm from its first page to a shared picture, as first-steps.md does; saves a picture of each step."""
-    page = chromium.new_page(viewport=SIZE, color_scheme="light", reduced_motion="reduce")
+    page = _opened(chromium, viewport=SIZE, color_scheme="light", reduced_motion="reduce")
     page.goto(server)
     page.get_by_text("Examples", exact=True).wait_for()
     page.wait_for_timeout(SETTLE_MS)
@@ -164,11 +177,11 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     page.mouse.move(x + 60, y - 30, steps=4)
     page.mouse.up()
     page.mouse.move(5, 5)
-    page.wait_for_timeout(7 * SETTLE_MS)
+    _wait_for_clear_view(page)
     _save(page, folder, "look")
     page.get_by_text("Studio", exact=True).click()
     page.mouse.move(5, 5)
-    page.wait_for_timeout(7 * SETTLE_MS)
+    _wait_for_clear_view(page)
     _save(page, folder, "light")
     page.get_by_text("Good", exact=True).click()
     page.wait_for_timeout(SETTLE_MS)
@@ -177,10 +190,11 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     page.wait_for_url("**/#/jobs/*")
     job = page.url.rsplit("/", 1)[-1].partition("?")[0]
     _wait_for_samples(server, job, 0.15)
-    page.wait_for_timeout(SETTLE_MS)
+    _wait_for_denoised_film(page)
+    page.locator(".workers-legend").wait_for()  # shown while tiles have outlines
     _save(page, folder, "grow")
     _wait_for_samples(server, job, 1.0)
-    page.wait_for_timeout(SETTLE_MS)
+    _wait_for_denoised_film(page, is_final=True)
     page.get_by_role("tab", name="Save").click()
     page.wait_for_timeout(SETTLE_MS)
     _save(page, folder, "save")
@@ -206,13 +220,13 @@ def _takes(chromium: Browser, server: str, folder: Path) -> None:
     takes = f"{server}/api/scenes/{scene}/takes"
     for take in httpx.get(takes, timeout=60).raise_for_status().json():
         httpx.delete(f"{takes}/{take['id']}", timeout=60).raise_for_status()
-    page = chromium.new_page(viewport=SIZE, color_scheme="light", reduced_motion="reduce")
+    page = _opened(chromium, viewport=SIZE, color_scheme="light", reduced_motion="reduce")
     page.add_init_script("localStorage['rayfarm.author'] ??= 'Anna'")
     page.goto(f"{server}/#/scenes/{scene}")
     view = page.locator(".live-view[data-view]")
     view.wait_for()
     for name, author, light, key in (
-        ("Wide", "Anna", "Its own", ""),
+        ("Wide", "Anna", "From the file", ""),
         ("Grey day", "Ben", "Overcast", "ArrowRight"),
         ("From above", "Anna", "Studio", "ArrowDown"),
     ):
@@ -222,7 +236,7 @@ def _takes(chromium: Browser, server: str, folder: Path) -> None:
         view.focus()
         for _ in range(4 if key else 0):
             page.keyboard.press(key)
-        page.wait_for_timeout(5 * SETTLE_MS)
+        _wait_for_clear_view(page)
         page.get_by_role("button", name="Save take").click()
         tile = page.get_by_role("button", name=re.compile(r"^Take \d+, "))
         tile.focus()
@@ -258,7 +272,7 @@ def _light_mixer(chromium: Browser, server: str, folder: Path) -> None:
     key = {"Idempotency-Key": f"page-pictures-{LIGHT_MIXER}-{scene}"}
     job = str(httpx.post(f"{server}/api/jobs", json=asked, headers=key, timeout=60).raise_for_status().json()["id"])
     _wait_for_samples(server, job, 1.0)
-    page = chromium.new_page(viewport={**SIZE, "height": 720}, color_scheme="light", reduced_motion="reduce")
+    page = _opened(chromium, viewport={**SIZE, "height": 720}, color_scheme="light", reduced_motion="reduce")
     page.goto(f"{server}/#/jobs/{job}")
     page.locator("canvas.film").wait_for()
     page.get_by_role("tab", name="Lights").click()
@@ -277,7 +291,7 @@ def _terminal(chromium: Browser, server: str, folder: Path) -> None:
     """Runs `rayfarm watch` in a terminal of its own while a job renders, and saves what it shows."""
     job = _job_id(server, example="still-life", width=960, height=600, spp=128, seed=2)
     _wait_for_samples(server, job, 0.1)
-    page = chromium.new_page(viewport={"width": 900, "height": 700}, color_scheme="dark")
+    page = _opened(chromium, viewport={"width": 900, "height": 700}, color_scheme="dark")
     page.set_content(_as_html(_written_by("watch", job[:4], "--graphics", "blocks", "--server", server)))
     path = folder / f"{TERMINAL}.webp"
     picture = Image.open(io.BytesIO(page.locator("pre").screenshot())).convert("RGB")
@@ -394,11 +408,30 @@ def _wait_for_samples(server: str, job: str, enough: float) -> None:
     sys.exit(f"The job {job} had not come far enough after {PATIENCE_S} s.")
 
 
-def _show_still(page: Page) -> None:
-    """Waits for a job's still picture on the page, and moves the mouse over a pixel of it."""
-    stage = page.locator("canvas.film")
-    stage.wait_for()
+def _wait_for_clear_view(page: Page) -> None:
+    """Waits until a live view that has just changed shows a denoised picture of at least `CLEAR_SPP` samples per pixel."""
     page.wait_for_timeout(SETTLE_MS)
+    page.wait_for_function(IS_CLEAR, arg=CLEAR_SPP, timeout=1000 * PATIENCE_S)
+
+
+def _wait_for_denoised_film(page: Page, *, is_final: bool = False) -> None:
+    """Waits until a job's page shows a denoised picture; `is_final`: that of all samples, not a preview of some."""
+    words = re.compile(r"^Denoised$" if is_final else r"^Denoised")
+    page.locator(".channel-tag:visible", has_text=words).first.wait_for(timeout=1000 * PATIENCE_S)
+    page.wait_for_timeout(SETTLE_MS)
+
+
+def _denoise(page: Page) -> None:
+    """Shows a finished picture denoised, in the tab View of its job's page."""
+    page.get_by_role("radiogroup", name="Denoise").get_by_text("On", exact=True).click()
+    page.mouse.move(5, 5)
+    _wait_for_denoised_film(page, is_final=True)
+
+
+def _show_still(page: Page) -> None:
+    """Shows a job's finished picture denoised on the page, and moves the mouse over a pixel of it."""
+    _denoise(page)
+    stage = page.locator("canvas.film")
     stage.hover(position={"x": 400, "y": 300})
     page.wait_for_timeout(SETTLE_MS)
 
@@ -410,14 +443,13 @@ def _shot(page: Page) -> None:
     page.wait_for_timeout(5 * SETTLE_MS)
     page.get_by_role("button", name="Stop playing").click()
     page.get_by_role("slider", name="Frame").fill("20")
-    page.mouse.move(5, 5)
-    page.wait_for_timeout(2 * SETTLE_MS)
+    _denoise(page)
 
 
 def _notes(page: Page) -> None:
     """Writes notes on a job's picture through the page, once, asks for changes, and shows them."""
     page.locator("canvas.film").wait_for()
-    page.wait_for_timeout(SETTLE_MS)
+    _denoise(page)
     page.get_by_role("tab", name="Notes").click()
     page.wait_for_timeout(SETTLE_MS)
     box = page.locator(".stage-box").bounding_box()
@@ -455,11 +487,11 @@ def _who_rendered(page: Page) -> None:
 
 
 TAKEN = {
-    "page": ({"example": "still-life", "width": 960, "height": 600, "spp": 128}, 0.25, _show_still),
-    "notes": ({"example": "still-life", "width": 960, "height": 600, "spp": 128}, 1.0, _notes),
+    "page": ({"example": "still-life", "width": 960, "height": 600, "spp": 64}, 1.0, _show_still),
+    "notes": ({"example": "still-life", "width": 960, "height": 600, "spp": 64}, 1.0, _notes),
     "shot-page": (
-        {"example": "caterpillar", "width": 640, "height": 360, "spp": 16, "frames": "0-95", "order": "breadth-first"},
-        0.5,
+        {"example": "caterpillar", "width": 480, "height": 270, "spp": 8, "frames": "0-23", "order": "breadth-first"},
+        1.0,
         _shot,
     ),
     "who-rendered": ({"example": "cornell-box", "width": 320, "height": 320, "spp": 48, "tile_size": 128}, 1.0, _who_rendered),
