@@ -191,7 +191,7 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     job = page.url.rsplit("/", 1)[-1].partition("?")[0]
     _wait_for_samples(server, job, 0.15)
     _wait_for_denoised_film(page)
-    page.locator(".workers-legend").wait_for()  # shown while tiles have outlines
+    page.get_by_role("list", name="Workers on this picture").wait_for()  # shown while tiles have outlines
     _save(page, folder, "grow")
     _wait_for_samples(server, job, 1.0)
     _wait_for_denoised_film(page, is_final=True)
@@ -251,15 +251,21 @@ def _takes(chromium: Browser, server: str, folder: Path) -> None:
 
 
 LAMPS = """
-cameras: [{eye: [0, 1.2, 4], target: [0, 0.5, 0], fov: 45}]
-environment: {color: 0.02}
+cameras: [{eye: [0, 1.1, 4.2], target: [0, 0.5, 0], fov: 33}]
+environment: {color: 0.08}
 lights:
-  - {type: spot, position: [-2, 3, 2], target: [0, 0.5, 0], intensity: [40, 30, 20], light_group: key}
-  - {type: point, position: [2, 2, 1], intensity: [4, 6, 12], light_group: fill}
-materials: {grey: {color: 0.7}, orange: {color: [0.8, 0.25, 0.05]}}
+  - {type: spot, position: [-2, 3, 2], target: [0, 0.4, 0], intensity: [40, 30, 20], light_group: key}
+  - {type: point, position: [2, 2, 1.5], intensity: [4, 6, 12], light_group: fill}
+materials:
+  grey: {color: 0.7}
+  white: {color: 0.8}
+  orange: {kind: plastic, color: [0.8, 0.25, 0.05], roughness: 0.2}
+  gold: {kind: conductor, metal: gold, roughness: 0.3}
 shapes:
-  - {type: sphere, material: orange, radius: 0.5, center: [0, 0.5, 0]}
-  - {type: quad, material: grey, transform: [{scale: 4}, {rotate: {axis: x, degrees: -90}}]}
+  - {type: sphere, material: gold, radius: 0.5, center: [-1.1, 0.5, 0]}
+  - {type: sphere, material: orange, radius: 0.5, center: [0, 0.5, 0.1]}
+  - {type: sphere, material: white, radius: 0.5, center: [1.1, 0.5, 0]}
+  - {type: quad, material: grey, transform: [{scale: 12}, {rotate: {axis: x, degrees: -90}}]}
 """
 
 
@@ -268,19 +274,21 @@ def _light_mixer(chromium: Browser, server: str, folder: Path) -> None:
     files = {"files": ("two-lamps.yaml", LAMPS)}
     sent = httpx.post(f"{server}/api/scenes", files=files, data={"name": "Two lamps"}, timeout=60)
     scene = str(sent.raise_for_status().json()["id"])
-    asked = {"scene": scene, "width": 960, "height": 600, "spp": 48, "light_groups": "key,fill"}
+    asked = {"scene": scene, "width": 960, "height": 600, "spp": 32, "light_groups": "key,fill"}
     key = {"Idempotency-Key": f"page-pictures-{LIGHT_MIXER}-{scene}"}
     job = str(httpx.post(f"{server}/api/jobs", json=asked, headers=key, timeout=60).raise_for_status().json()["id"])
     _wait_for_samples(server, job, 1.0)
     page = _opened(chromium, viewport={**SIZE, "height": 720}, color_scheme="light", reduced_motion="reduce")
     page.goto(f"{server}/#/jobs/{job}")
     page.locator("canvas.film").wait_for()
+    _denoise(page)
     page.get_by_role("tab", name="Lights").click()
     page.get_by_role("button", name="Mute: key").click()
     page.get_by_label("Gain of fill").fill("1")
     page.get_by_label("Tint of fill").fill("#f5c98a")
     page.mouse.move(5, 5)
-    page.wait_for_timeout(2 * SETTLE_MS)
+    page.locator(".channel-tag:visible", has_text="Light mix, denoised").wait_for()
+    page.wait_for_timeout(SETTLE_MS)
     path = folder / f"{LIGHT_MIXER}.webp"
     Image.open(io.BytesIO(page.screenshot())).convert("RGB").save(path, quality=82, method=6)
     print(f"{path.name}: {path.stat().st_size / 1024:.0f} kB", flush=True)
