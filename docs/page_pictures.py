@@ -53,6 +53,12 @@ DRAG_OVER = """() => {
   dragged.items.add(new File(["x"], "truck.glb"));
   dispatchEvent(new DragEvent("dragover", { dataTransfer: dragged, bubbles: true, cancelable: true }));
 }"""
+CLEAR_SPP = 16  # of a live view's denoised picture
+# The view's own picture, by the words of its tag.
+IS_CLEAR = """least => {
+  const words = document.querySelector(".view-state")?.textContent ?? "";
+  return words.includes("denoised") && (parseFloat(words) >= least || words.includes("done"));
+}"""
 RECORDED_S = 9.0  # a third turning, the rest converging
 
 
@@ -82,11 +88,18 @@ def main() -> None:
             request, enough, pose = TAKEN[name]
             job = options.job or _job_id(options.server, **request)
             _wait_for_samples(options.server, job, enough)
-            page = chromium.new_page(viewport=SIZE, color_scheme="light", reduced_motion="reduce")
+            page = _opened(chromium, viewport=SIZE, color_scheme="light", reduced_motion="reduce")
             page.goto(f"{options.server}/#/jobs/{job}")
             pose(page)
             _save_jpeg(page, options.output / f"{name}.jpg")
             page.close()
+
+
+def _opened(chromium: Browser, **options: Any) -> Page:
+    """Opens a page whose actions may take long, as they do beside a farm that renders on the same cores."""
+    page = chromium.new_page(**options)
+    page.set_default_timeout(1000 * PATIENCE_S)
+    return page
 
 
 def _tour(chromium: Browser, server: str, folder: Path) -> None:
@@ -100,7 +113,7 @@ def _tour(chromium: Browser, server: str, folder: Path) -> None:
     pages["compare"] = f"compare/{own}/{other}"
     for width, height in WIDTHS.items():
         for theme in ("light", "dark"):
-            page = chromium.new_page(viewport={"width": width, "height": height}, color_scheme=theme, reduced_motion="reduce")
+            page = _opened(chromium, viewport={"width": width, "height": height}, color_scheme=theme, reduced_motion="reduce")
             for name, place in pages.items():
                 page.goto(f"{server}/#/{place}")
                 page.wait_for_timeout(2 * SETTLE_MS)
@@ -111,7 +124,7 @@ def _tour(chromium: Browser, server: str, folder: Path) -> None:
 
 def _record(chromium: Browser, server: str, folder: Path) -> None:
     """Records an interactive view while it is turned and then converges, as an animated WebP in real time."""
-    page = chromium.new_page(viewport={"width": 1200, "height": 700}, color_scheme="light")
+    page = _opened(chromium, viewport={"width": 1200, "height": 700}, color_scheme="light")
     page.goto(f"{server}/#/scenes/{_scene(server, 'still-life')}")
     view = page.locator(".live-view canvas:not(.mesh)").first
     view.wait_for()
@@ -143,7 +156,7 @@ def _record(chromium: Browser, server: str, folder: Path) -> None:
 
 def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     """Walks on an empty farm from its first page to a shared picture, as first-steps.md does; saves a picture of each step."""
-    page = chromium.new_page(viewport=SIZE, color_scheme="light", reduced_motion="reduce")
+    page = _opened(chromium, viewport=SIZE, color_scheme="light", reduced_motion="reduce")
     page.goto(server)
     page.get_by_text("Examples", exact=True).wait_for()
     page.wait_for_timeout(SETTLE_MS)
@@ -164,11 +177,11 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     page.mouse.move(x + 60, y - 30, steps=4)
     page.mouse.up()
     page.mouse.move(5, 5)
-    page.wait_for_timeout(7 * SETTLE_MS)
+    _wait_for_clear_view(page)
     _save(page, folder, "look")
     page.get_by_text("Studio", exact=True).click()
     page.mouse.move(5, 5)
-    page.wait_for_timeout(7 * SETTLE_MS)
+    _wait_for_clear_view(page)
     _save(page, folder, "light")
     page.get_by_text("Good", exact=True).click()
     page.wait_for_timeout(SETTLE_MS)
@@ -177,10 +190,11 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     page.wait_for_url("**/#/jobs/*")
     job = page.url.rsplit("/", 1)[-1].partition("?")[0]
     _wait_for_samples(server, job, 0.15)
-    page.wait_for_timeout(SETTLE_MS)
+    _wait_for_denoised_film(page)
+    page.get_by_role("list", name="Workers on this picture").wait_for()  # shown while tiles have outlines
     _save(page, folder, "grow")
     _wait_for_samples(server, job, 1.0)
-    page.wait_for_timeout(SETTLE_MS)
+    _wait_for_denoised_film(page, is_final=True)
     page.get_by_role("tab", name="Save").click()
     page.wait_for_timeout(SETTLE_MS)
     _save(page, folder, "save")
@@ -206,13 +220,13 @@ def _takes(chromium: Browser, server: str, folder: Path) -> None:
     takes = f"{server}/api/scenes/{scene}/takes"
     for take in httpx.get(takes, timeout=60).raise_for_status().json():
         httpx.delete(f"{takes}/{take['id']}", timeout=60).raise_for_status()
-    page = chromium.new_page(viewport=SIZE, color_scheme="light", reduced_motion="reduce")
+    page = _opened(chromium, viewport=SIZE, color_scheme="light", reduced_motion="reduce")
     page.add_init_script("localStorage['rayfarm.author'] ??= 'Anna'")
     page.goto(f"{server}/#/scenes/{scene}")
     view = page.locator(".live-view[data-view]")
     view.wait_for()
     for name, author, light, key in (
-        ("Wide", "Anna", "Its own", ""),
+        ("Wide", "Anna", "From the file", ""),
         ("Grey day", "Ben", "Overcast", "ArrowRight"),
         ("From above", "Anna", "Studio", "ArrowDown"),
     ):
@@ -222,7 +236,7 @@ def _takes(chromium: Browser, server: str, folder: Path) -> None:
         view.focus()
         for _ in range(4 if key else 0):
             page.keyboard.press(key)
-        page.wait_for_timeout(5 * SETTLE_MS)
+        _wait_for_clear_view(page)
         page.get_by_role("button", name="Save take").click()
         tile = page.get_by_role("button", name=re.compile(r"^Take \d+, "))
         tile.focus()
@@ -237,15 +251,21 @@ def _takes(chromium: Browser, server: str, folder: Path) -> None:
 
 
 LAMPS = """
-cameras: [{eye: [0, 1.2, 4], target: [0, 0.5, 0], fov: 45}]
-environment: {color: 0.02}
+cameras: [{eye: [0, 1.1, 4.2], target: [0, 0.5, 0], fov: 33}]
+environment: {color: 0.08}
 lights:
-  - {type: spot, position: [-2, 3, 2], target: [0, 0.5, 0], intensity: [40, 30, 20], light_group: key}
-  - {type: point, position: [2, 2, 1], intensity: [4, 6, 12], light_group: fill}
-materials: {grey: {color: 0.7}, orange: {color: [0.8, 0.25, 0.05]}}
+  - {type: spot, position: [-2, 3, 2], target: [0, 0.4, 0], intensity: [40, 30, 20], light_group: key}
+  - {type: point, position: [2, 2, 1.5], intensity: [4, 6, 12], light_group: fill}
+materials:
+  grey: {color: 0.7}
+  white: {color: 0.8}
+  orange: {kind: plastic, color: [0.8, 0.25, 0.05], roughness: 0.2}
+  gold: {kind: conductor, metal: gold, roughness: 0.3}
 shapes:
-  - {type: sphere, material: orange, radius: 0.5, center: [0, 0.5, 0]}
-  - {type: quad, material: grey, transform: [{scale: 4}, {rotate: {axis: x, degrees: -90}}]}
+  - {type: sphere, material: gold, radius: 0.5, center: [-1.1, 0.5, 0]}
+  - {type: sphere, material: orange, radius: 0.5, center: [0, 0.5, 0.1]}
+  - {type: sphere, material: white, radius: 0.5, center: [1.1, 0.5, 0]}
+  - {type: quad, material: grey, transform: [{scale: 12}, {rotate: {axis: x, degrees: -90}}]}
 """
 
 
@@ -254,19 +274,21 @@ def _light_mixer(chromium: Browser, server: str, folder: Path) -> None:
     files = {"files": ("two-lamps.yaml", LAMPS)}
     sent = httpx.post(f"{server}/api/scenes", files=files, data={"name": "Two lamps"}, timeout=60)
     scene = str(sent.raise_for_status().json()["id"])
-    asked = {"scene": scene, "width": 960, "height": 600, "spp": 48, "light_groups": "key,fill"}
+    asked = {"scene": scene, "width": 960, "height": 600, "spp": 32, "light_groups": "key,fill"}
     key = {"Idempotency-Key": f"page-pictures-{LIGHT_MIXER}-{scene}"}
     job = str(httpx.post(f"{server}/api/jobs", json=asked, headers=key, timeout=60).raise_for_status().json()["id"])
     _wait_for_samples(server, job, 1.0)
-    page = chromium.new_page(viewport={**SIZE, "height": 720}, color_scheme="light", reduced_motion="reduce")
+    page = _opened(chromium, viewport={**SIZE, "height": 720}, color_scheme="light", reduced_motion="reduce")
     page.goto(f"{server}/#/jobs/{job}")
     page.locator("canvas.film").wait_for()
+    _denoise(page)
     page.get_by_role("tab", name="Lights").click()
     page.get_by_role("button", name="Mute: key").click()
     page.get_by_label("Gain of fill").fill("1")
     page.get_by_label("Tint of fill").fill("#f5c98a")
     page.mouse.move(5, 5)
-    page.wait_for_timeout(2 * SETTLE_MS)
+    page.locator(".channel-tag:visible", has_text="Light mix, denoised").wait_for()
+    page.wait_for_timeout(SETTLE_MS)
     path = folder / f"{LIGHT_MIXER}.webp"
     Image.open(io.BytesIO(page.screenshot())).convert("RGB").save(path, quality=82, method=6)
     print(f"{path.name}: {path.stat().st_size / 1024:.0f} kB", flush=True)
@@ -277,7 +299,7 @@ def _terminal(chromium: Browser, server: str, folder: Path) -> None:
     """Runs `rayfarm watch` in a terminal of its own while a job renders, and saves what it shows."""
     job = _job_id(server, example="still-life", width=960, height=600, spp=128, seed=2)
     _wait_for_samples(server, job, 0.1)
-    page = chromium.new_page(viewport={"width": 900, "height": 700}, color_scheme="dark")
+    page = _opened(chromium, viewport={"width": 900, "height": 700}, color_scheme="dark")
     page.set_content(_as_html(_written_by("watch", job[:4], "--graphics", "blocks", "--server", server)))
     path = folder / f"{TERMINAL}.webp"
     picture = Image.open(io.BytesIO(page.locator("pre").screenshot())).convert("RGB")
@@ -394,11 +416,30 @@ def _wait_for_samples(server: str, job: str, enough: float) -> None:
     sys.exit(f"The job {job} had not come far enough after {PATIENCE_S} s.")
 
 
-def _show_still(page: Page) -> None:
-    """Waits for a job's still picture on the page, and moves the mouse over a pixel of it."""
-    stage = page.locator("canvas.film")
-    stage.wait_for()
+def _wait_for_clear_view(page: Page) -> None:
+    """Waits until a live view that has just changed shows a denoised picture of at least `CLEAR_SPP` samples per pixel."""
     page.wait_for_timeout(SETTLE_MS)
+    page.wait_for_function(IS_CLEAR, arg=CLEAR_SPP, timeout=1000 * PATIENCE_S)
+
+
+def _wait_for_denoised_film(page: Page, *, is_final: bool = False) -> None:
+    """Waits until a job's page shows a denoised picture; `is_final`: that of all samples, not a preview of some."""
+    words = re.compile(r"^Denoised$" if is_final else r"^Denoised")
+    page.locator(".channel-tag:visible", has_text=words).first.wait_for(timeout=1000 * PATIENCE_S)
+    page.wait_for_timeout(SETTLE_MS)
+
+
+def _denoise(page: Page) -> None:
+    """Shows a finished picture denoised, in the tab View of its job's page."""
+    page.get_by_role("radiogroup", name="Denoise").get_by_text("On", exact=True).click()
+    page.mouse.move(5, 5)
+    _wait_for_denoised_film(page, is_final=True)
+
+
+def _show_still(page: Page) -> None:
+    """Shows a job's finished picture denoised on the page, and moves the mouse over a pixel of it."""
+    _denoise(page)
+    stage = page.locator("canvas.film")
     stage.hover(position={"x": 400, "y": 300})
     page.wait_for_timeout(SETTLE_MS)
 
@@ -410,14 +451,13 @@ def _shot(page: Page) -> None:
     page.wait_for_timeout(5 * SETTLE_MS)
     page.get_by_role("button", name="Stop playing").click()
     page.get_by_role("slider", name="Frame").fill("20")
-    page.mouse.move(5, 5)
-    page.wait_for_timeout(2 * SETTLE_MS)
+    _denoise(page)
 
 
 def _notes(page: Page) -> None:
     """Writes notes on a job's picture through the page, once, asks for changes, and shows them."""
     page.locator("canvas.film").wait_for()
-    page.wait_for_timeout(SETTLE_MS)
+    _denoise(page)
     page.get_by_role("tab", name="Notes").click()
     page.wait_for_timeout(SETTLE_MS)
     box = page.locator(".stage-box").bounding_box()
@@ -455,11 +495,11 @@ def _who_rendered(page: Page) -> None:
 
 
 TAKEN = {
-    "page": ({"example": "still-life", "width": 960, "height": 600, "spp": 128}, 0.25, _show_still),
-    "notes": ({"example": "still-life", "width": 960, "height": 600, "spp": 128}, 1.0, _notes),
+    "page": ({"example": "still-life", "width": 960, "height": 600, "spp": 64}, 1.0, _show_still),
+    "notes": ({"example": "still-life", "width": 960, "height": 600, "spp": 64}, 1.0, _notes),
     "shot-page": (
-        {"example": "caterpillar", "width": 640, "height": 360, "spp": 16, "frames": "0-95", "order": "breadth-first"},
-        0.5,
+        {"example": "caterpillar", "width": 480, "height": 270, "spp": 8, "frames": "0-23", "order": "breadth-first"},
+        1.0,
         _shot,
     ),
     "who-rendered": ({"example": "cornell-box", "width": 320, "height": 320, "spp": 48, "tile_size": 128}, 1.0, _who_rendered),

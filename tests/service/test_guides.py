@@ -57,6 +57,12 @@ def test_the_index_links_to_every_guide_and_states_the_version(client: Client) -
     assert f"Rayfarm {__version__}" in page
 
 
+def test_the_index_states_what_each_guide_is_for_in_a_whole_sentence(client: Client) -> None:
+    summaries = re.findall(r'<span class="about">([^<]+)</span>', client.get("/docs/guides/").text)
+    assert len(summaries) == len(NAMES)
+    assert not [each for each in summaries if not each.endswith(".")]
+
+
 def test_an_unknown_guide_leads_a_browser_to_the_index(client: Client) -> None:
     assert client.get("/docs/guides/nothing").status_code == 404
     answer = client.get("/docs/guides/nothing", headers={"Accept": "text/html"})
