@@ -309,7 +309,7 @@ def test_live_view_is_denoised_and_can_show_its_noise(farm: Farm, watched: Watch
         # The mesh shows the first light at once, and the picture in the old light precedes the second.
         expect(held).to_have_count(1)
         expect(held).to_have_count(0, timeout=60_000)
-        expect(view.page.locator(".view-state")).to_have_text(re.compile("^[48] samples, denoised"), timeout=60_000)
+        expect(view.page.locator(".view-state")).to_have_text(re.compile(r"^\d+ samples, denoised"), timeout=60_000)
         assert words in view.page.evaluate("said.splice(0)"), "and no count of the view before"
     first = view.number()
     switch.click()
