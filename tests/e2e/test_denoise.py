@@ -141,13 +141,13 @@ def test_growing_picture_replaces_one_of_another_light(farm: Farm, watched: Watc
     job = page.evaluate(BEGIN, {"scene": scene, **SIZE, "spp": 60_000, "denoise": True})
     try:
         tag = page.locator(".channel-tag.right")
-        expect(tag).to_have_text(re.compile(r"^[\d ]+ samples?, not denoised yet$"), timeout=60_000)
+        expect(tag).to_have_text(re.compile(r"^[\d,]+ samples?, not denoised yet$"), timeout=60_000)
         expect(page.locator(".stage")).to_have_attribute("data-film", "here")
         assert held, "a denoised one is asked for from the first samples on"
         while held:
             held.pop().continue_()
         page.unroute(denoised, hold)
-        expect(tag).to_have_text(re.compile(r"^Denoised, [\d ]+ samples?$"), timeout=60_000)
+        expect(tag).to_have_text(re.compile(r"^Denoised, [\d,]+ samples?$"), timeout=60_000)
     finally:
         httpx.patch(f"{farm.url}/api/jobs/{job}", json={"state": "cancelled"})
     assert watched.errors == []
