@@ -54,7 +54,8 @@ class PosterStore:
         """Returns the ids of those of the latest `recent` scenes, newest first, that lack a poster or have an outdated one."""
         latest = select(Scene).where(Scene.of.is_(None), Scene.status == "ready").order_by(Scene.created.desc()).limit(recent)
         with self._sessions() as session:
-            return [scene.id for scene in session.scalars(latest) if is_worth_rendering(self._valid_poster(scene))]
+            posters = ((scene, self._valid_poster(scene, _home_hash(scene))) for scene in session.scalars(latest))
+            return [scene.id for scene, poster in posters if is_worth_rendering(poster)]
 
     def store(self, picture: SettledPicture) -> bool:
         """Stores a picture as its scene's poster if it is better than the present one. Returns True if so. Raises FarmError."""
@@ -98,12 +99,13 @@ class PosterStore:
         return is_put
 
     def _replaces_present(self, poster: Poster, scene: Scene) -> bool:
-        return poster.view == _home_hash(scene) and is_better(poster, self._valid_poster(scene))
+        home = _home_hash(scene)
+        return poster.view == home and is_better(poster, self._valid_poster(scene, home))
 
-    def _valid_poster(self, scene: Scene) -> Poster | None:
-        """Returns a scene's poster; None if it has none, or an outdated one."""
+    def _valid_poster(self, scene: Scene, home: str) -> Poster | None:
+        """Returns a scene's poster; None if it has none, or an outdated one. home: `_home_hash` of the scene."""
         poster = poster_of(scene)
-        return None if poster is None or is_outdated(poster, _home_hash(scene), self.renderers) else poster
+        return None if poster is None or is_outdated(poster, home, self.renderers) else poster
 
 
 def _home_hash(scene: Scene) -> str:

@@ -33,7 +33,7 @@ SHOW_EVERY_S = 0.25  # while a picture is incomplete
 SHOW_CONVERGED_S = 2.0  # for a view that has been shown for long and changes slowly
 MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this time, so that dragging shows pictures
 MIN_DRAFT_WAIT_S = 2.0  # the same until its draft has come
-# Time for GUIDES_AFTER samples up to which fewer are not denoised: they are smeared, and take as long as a sample or two.
+# A view is denoised from GUIDES_AFTER samples on, with clean guides, if these take at most this time; else from one on.
 GUIDED_AFTER_S = 2.0
 DRAFT_REST_S = 0.1  # after a draft, without a request for another view, until the view is rendered
 MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised

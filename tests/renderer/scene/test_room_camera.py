@@ -119,7 +119,7 @@ def test_camera_avoids_what_stands_in_its_corner():
     ],
 )
 def test_camera_that_sees_nothing_is_marked(target, more, is_blind):
-    """A page shows the scene by the automatic camera then; one that sees the corner of the bounds is not marked."""
+    """The page opens such a scene with the automatic camera; a camera that sees a corner of the bounds is not marked."""
     view = View((0.0, 0.0, 4.0), target, **more)
     description = SceneDescription(cameras=[Camera("own", view)])
     corners = np.array([(x, y, z) for x in (-1.0, 1) for y in (-1.0, 1) for z in (-1.0, 1)])

@@ -362,7 +362,7 @@ def test_idle_farm_looks_for_posters_only_after_changes(monkeypatch: pytest.Monk
 
 
 def test_idle_farm_tries_a_poster_again_only_if_it_was_made_in_between(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that cannot be rendered is not tried for ever; one that was stored may be outdated later."""
+    """A scene that cannot be rendered is not tried again; a stored poster may become outdated."""
     monkeypatch.setattr("service.viewing.idle_posters.IDLE_S", 0.0)
     lacking = ["broken", "good"]
     store: Any = SimpleNamespace(renderers=frozenset({"a"}), lacking=lambda recent: list(lacking))

@@ -148,7 +148,7 @@ def test_view_shows_its_noise_only_after_several_pictures_could_not_be_denoised(
 
 @pytest.mark.parametrize(("cost_s", "first"), [(CPU_S, GUIDES_AFTER), (SLOW_S, 1)])
 def test_few_samples_are_denoised_only_where_more_take_long(session: ViewSession, cost_s: float, first: int) -> None:
-    """Of a fast view the first whole picture has clean guides; fewer samples would take the time of these."""
+    """The first denoised picture of a fast whole view has clean guides: denoising fewer samples would save no time."""
     show(session, 1, None, denoises=True, cost_s=cost_s)
     add_samples(session, GUIDES_AFTER, GUIDE_SAMPLES - GUIDES_AFTER, is_guide=True)
     for number in range(GUIDES_AFTER):

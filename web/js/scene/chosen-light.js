@@ -68,19 +68,30 @@ export function presetLight(name) {
 }
 
 /**
- * Returns the environment light that a request chooses. undefined: the page cannot compute it: a sky, an image, or a light that replaces
- * the sky of a file with a sun; null: black.
+ * Returns whether the page can compute the light that a request chooses: not that of skies, images and unknown presets, nor one that
+ * replaces the sky of a file with a sun.
+ *
+ * @param {MeshPacket} mesh
+ * @param {EnvironmentRequest} chosen
+ */
+export function isComputable(mesh, { color, preset, sky, image }) {
+  const hasSun = mesh.environment !== null && mesh.lamps.some(({ far }) => far);
+  return !(sky || image || ((color || preset) && hasSun)) && Boolean(color || !preset || BEHIND[preset]);
+}
+
+/**
+ * Returns the environment light that a request chooses. undefined: the page cannot compute it; null: black.
  *
  * @param {MeshPacket} mesh
  * @param {EnvironmentRequest} chosen
  * @returns {Environment | null | undefined}
  */
-export function chosenLight(mesh, { color, preset, sky, image, strength = 1, rotation = 0 }) {
-  const hasSun = mesh.environment !== null && mesh.lamps.some(({ far }) => far);
-  if (sky || image || ((color || preset) && hasSun)) return undefined;
+export function chosenLight(mesh, chosen) {
+  if (!isComputable(mesh, chosen)) return undefined;
+  const { color, preset, strength = 1, rotation = 0 } = chosen;
   const own = () => (mesh.environment ? unpacked(mesh.environment) : mesh.isStudio ? studio() : null);
   const light = color ? { width: 1, height: 1, texels: Float32Array.from(color) } : preset ? presetLight(preset) : own();
-  if (!light) return preset ? undefined : null;
+  if (!light) return null;
   const { width, height, texels } = light;
   const turn = Math.round((rotation / 360) * width); // counter-clockwise seen from above: to the left
   const turned = texels.map((_, i) => {

@@ -201,7 +201,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let lookedAt = -Infinity;
   /** Samples per pixel of the denoised picture in the canvas; 0: it has noise. */
   let shownSpp = 0;
-  /** Samples per pixel that are stated of a view. @type {{id: number | null, n: number}} */
+  /** The largest number of samples per pixel that the pill has stated, and its view. @type {{id: number | null, n: number}} */
   let counted = { id: null, n: 0 };
 
   const pictureId = () => Number(surface.dataset.view);

@@ -4,7 +4,7 @@ import { curveIndex } from "../film/film-shader.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { KeptPicture, fromMiddle } from "./kept-picture.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
-import { chosenLight } from "./chosen-light.js";
+import { chosenLight, isComputable } from "./chosen-light.js";
 import { lampsOf } from "./mesh-lamps.js";
 import { isMirror, mirrorTexture } from "./mesh-mirror.js";
 import { Programs } from "./mesh-program.js";
@@ -30,7 +30,7 @@ const ALPHA_MODES = { opaque: 0, mask: 1, blend: 2 };
 const DENSE = 300_000;
 /** Corners of a part that its middle is computed from. */
 const SAMPLED = 64;
-/** Mean cosine of the angles between a part's normals and the directions from its middle from which it is a ball. */
+/** Mean cosine of the angles between a part's normals and the directions from its middle, above which the part counts as a ball. */
 const ROUND = 0.9;
 /** Roughness of glass from which what is behind it is blurred. */
 const BLURRED = 0.05;
@@ -184,7 +184,7 @@ export class MeshCanvas {
 
   /** Lights the mesh as a request chooses. Returns false if the page cannot compute that light. @param {import("../base/types.js").EnvironmentRequest} chosen */
   relight(chosen) {
-    if (!this.mesh || chosenLight(this.mesh, chosen) === undefined) return false;
+    if (!this.mesh || !isComputable(this.mesh, chosen)) return false;
     if (JSON.stringify(chosen) === JSON.stringify(this.chosen)) return true;
     this.chosen = chosen;
     if (this.light) this.gl?.deleteTexture(this.light.texture);

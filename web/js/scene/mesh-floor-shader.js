@@ -22,7 +22,7 @@ vec3 lackingAt(vec2 uv, float level) {
   vec4 missed = textureLod(floorMissed, uv, floor(8.0 * level + 0.5) / 8.0); // levels that differ within a group of pixels are slow in software
   return edge.x * edge.y * missed.rgb / max(missed.a, 1e-9) * dot(floorRadiance, LUMINANCE);
 }
-// Width in texels that the floor's shadow is blurred to: the farther the thing is that casts it, the more directions must blend. Negative: there is no shadow.
+// Blur width of the floor's shadow, in texels: it grows with the distance of what casts the shadow. Negative: there is no shadow.
 float floorBlur(vec2 uv) {
   vec2 away = textureLod(floorAway, uv, 3.0).rg;
   return away.y > 0.0 ? floorSpread * BLUR * away.x / away.y * length(floorX) * FLOOR_TEXELS : -1.0;

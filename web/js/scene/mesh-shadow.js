@@ -24,7 +24,7 @@ import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
 
 /** Part of the light that other surfaces of the scene receive, which are seen in place of the light. */
 const OPEN = 0.7;
-/** Part of the light around that stays where surfaces are seen in its place, if it is but an estimate of what surfaces reflect. */
+/** Share of the surrounding light that remains where surfaces block it, if that light only estimates what surfaces reflect. */
 const REFLECTED = 0.6;
 /** Texture units; those of the mesh are below. */
 const UNITS = { maps: 9, seenDepth: 10, seenNormal: 11, missed: 12, open: 13, floorMissed: 14, floorAway: 15 };

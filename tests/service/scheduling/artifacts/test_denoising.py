@@ -218,7 +218,7 @@ def test_latest_preview_is_returned_without_a_wait(has_preview: bool) -> None:
     [(64, True, 64), (63, True, 4), (64, False, 4), (3, True, None)],
 )
 def test_stored_picture_has_no_more_samples_than_the_film(samples: int, is_stored: bool, found: int | None) -> None:
-    """A picture of more was made of samples that were lost, or rendered wrongly and removed."""
+    """A preview with more samples than the film is not used: its samples were lost, or removed as wrong."""
     preview, picture = (ArtifactResult(digit * 64, samples=made) for digit, made in (("a", 4), ("b", 64)))
     stored = {preview.sha256, picture.sha256} if is_stored else {preview.sha256}
     tasks = [Denoising.__new__(Denoising), DenoisedPreviews.__new__(DenoisedPreviews)]
