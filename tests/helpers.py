@@ -24,6 +24,7 @@ from renderer.child_processes import spawn_guard
 from renderer.sentences import Sentence
 
 ROOT = Path(__file__).resolve().parent.parent
+PORTS = 5  # that are tried for a server
 
 
 class running_redis:  # noqa: N801 - used like a function
@@ -33,17 +34,27 @@ class running_redis:  # noqa: N801 - used like a function
         self.folder = folder
         self.port = free_port("127.0.0.1")
         self.password = secrets.token_hex(8)
-        self.url = f"redis://:{self.password}@127.0.0.1:{self.port}/0"
         self.process: subprocess.Popen[bytes] | None = None
 
+    @property
+    def url(self) -> str:
+        """The server's URL, with its password."""
+        return f"redis://:{self.password}@127.0.0.1:{self.port}/0"
+
     def start(self) -> None:
+        """Starts the server; fails if it does not answer within 10 s."""
         config = self.folder / "redis.conf"
         broker.write_config(config, "127.0.0.1", self.port, self.password)
         with (self.folder / "redis.log").open("ab") as log:
-            self.process = subprocess.Popen(
+            self.process = process = subprocess.Popen(
                 [str(broker.find_server()), str(config)], stdout=log, stderr=log, preexec_fn=spawn_guard()
             )
-        wait_until(self._answers, 10, "Redis answers")
+        try:
+            wait_until(lambda: self._answers() or process.poll() is not None, 10, "Redis answers")
+            assert process.returncode is None, (self.folder / "redis.log").read_text()
+        except BaseException:
+            self.stop()
+            raise
 
     def stop(self) -> None:
         if self.process is not None:
@@ -58,6 +69,13 @@ class running_redis:  # noqa: N801 - used like a function
             return False
 
     def __enter__(self) -> str:
+        for _ in range(PORTS - 1):
+            try:
+                self.start()
+            except AssertionError:  # another process has taken the port meanwhile
+                self.port = free_port("127.0.0.1")
+            else:
+                return self.url
         self.start()
         return self.url
 
