@@ -333,7 +333,7 @@ export class MeshCanvas {
       gl.uniform3fv(at("irradiance"), light.irradiance);
       this.setLamps(light.lamps, mesh);
       if (onPage) shadows?.bind(at, onPage);
-      gl.uniform1i(at("mirroredDepth"), kept ? MIRRORED_DEPTH.kept : MIRRORED_DEPTH.alone);
+      gl.uniform1i(at("mirroredDepth"), this.kept ? MIRRORED_DEPTH.kept : MIRRORED_DEPTH.alone);
       gl.uniform1i(at("isBlack"), light.isBlack ? 1 : 0);
       return true;
     };

@@ -97,6 +97,7 @@ uniform vec3 mirroredFrom;
 uniform bool showsScene;
 uniform bool isBlack; // nothing is around the scene
 const int STEPS = 7; // along a ray
+const float THICK = 0.4; // of the same proportion, below which the point is hidden, not met
 // Distance from the cube's middle of what is seen towards a point, in proportion to that point's.
 float seenBehind(vec3 way) {
   vec3 sizes = abs(way);
@@ -104,9 +105,10 @@ float seenBehind(vec3 way) {
   float radius = 0.5 * length(extent);
   return 2.0 * radius * ${FAR * NEAR} / (${FAR + NEAR} - depth * ${FAR - NEAR}) / max(sizes.x, max(sizes.y, sizes.z));
 }
-// Where a ray meets the scene in the cube, relative to its middle: where the ray is first behind what is seen towards it, or else leaves the bounds.
+// Where a ray meets the scene in the cube, relative to its middle: where the ray is first behind what is seen towards it, or else leaves the bounds;
+// and 0 if what is there is hidden in the cube.
 // Source: Szirmay-Kalos et al. 2005, "Approximate ray-tracing on the GPU with distance impostors".
-vec3 metAlong(vec3 place, vec3 way) {
+vec4 metAlong(vec3 place, vec3 way) {
   vec3 safe = mix(way, vec3(1e-6), lessThan(abs(way), vec3(1e-6)));
   vec3 ends = (0.5 * extent * sign(safe) - place) / safe;
   float end = max(min(ends.x, min(ends.y, ends.z)), 0.0);
@@ -123,13 +125,16 @@ vec3 metAlong(vec3 place, vec3 way) {
     if (isOpen) before = at;
     wasOpen = isOpen;
   }
-  if (after < end)
+  if (after < end) {
     for (int i = 0; i < 3; i++) {
       float at = 0.5 * (before + after);
       if (seenBehind(place + at * way) > 1.0) before = at;
       else after = at;
     }
-  return place + after * way;
+    if (seenBehind(place + after * way) < THICK) after = end; // it passes behind something
+  }
+  vec3 met = place + after * way;
+  return vec4(met, step(THICK, seenBehind(met)));
 }
 #endif
 // Radiance along a ray: of the scene, if it is seen there, or else of what is around. spread: angle between the rays of neighbouring pixels.
@@ -138,7 +143,8 @@ vec3 seenAlong(vec3 place, vec3 way, float rough, float spread) {
 #ifdef MIRRORS
   if (showsScene) {
     float texels = ${SIDE / 2}.0 * max(spread, 2.0 * rough * rough);
-    vec4 known = textureLod(mirrored, metAlong(place, way), clamp(log2(max(texels, 1e-3)), 0.0, 6.0));
+    vec4 met = metAlong(place, way);
+    vec4 known = met.w * textureLod(mirrored, met.xyz, clamp(log2(max(texels, 1e-3)), 0.0, 6.0));
     if (isBlack) light = vec3(0.0);
     if (known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
   }
