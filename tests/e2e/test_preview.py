@@ -202,7 +202,7 @@ def test_metal_of_a_preview_shows_what_is_near_in_its_place(farm: Farm, watched:
     """A low wall is reflected directly before it, and not far before it."""
     page = watched.page
     page.goto(farm.url)
-    low = "v -1 0 -0.5\nv 1 0 -0.5\nv 1 0.5 -0.5\nv -1 0.5 -0.5\nusemtl wall\nf 7 8 9 10\n"
+    low = "v -1 0 -0.25\nv 1 0 -0.25\nv 1 0.25 -0.25\nv -1 0.25 -0.25\nusemtl wall\nf 7 8 9 10\n"
     post = "v -3 2 -3\nv -2.9 2 -3\nv -3 0 -3\nf 11 12 13\n"
     floor = MIRROR.split("usemtl wall")[0]
     materials = "newmtl metal\nKd 0.9 0.9 0.9\nPm 1\nPr 0\nnewmtl wall\nKd 0.8 0.02 0.02\n"

@@ -96,8 +96,8 @@ uniform highp samplerCube mirroredDepth;
 uniform vec3 mirroredFrom;
 uniform bool showsScene;
 uniform bool isBlack; // nothing is around the scene
-const int STEPS = 7; // along a ray
-const float THICK = 0.4; // of the same proportion, below which the point is hidden, not met
+const int STEPS = 7, HALVINGS = 3; // along a ray, and of the step in which something is met
+const float THICK = 0.4; // distance of what is seen, in proportion to a point's, below which the point is hidden
 // Distance from the cube's middle of what is seen towards a point, in proportion to that point's.
 float seenBehind(vec3 way) {
   vec3 sizes = abs(way);
@@ -113,28 +113,32 @@ vec4 metAlong(vec3 place, vec3 way) {
   vec3 ends = (0.5 * extent * sign(safe) - place) / safe;
   float end = max(min(ends.x, min(ends.y, ends.z)), 0.0);
   place -= mirroredFrom;
-  float before = 0.0, after = end;
-  bool wasOpen = false;
-  for (int i = 1; i < STEPS; i++) {
-    float at = end * float(i * i) / float(STEPS * STEPS);
-    bool isOpen = seenBehind(place + at * way) > 1.0;
-    if (wasOpen && !isOpen) {
-      after = at;
+  float before = 0.0, after = end, depth = 1.0;
+  bool wasOpen = false, isFound = false;
+  int step = 1, halved = 0;
+  for (int i = 0; i < STEPS + HALVINGS + 2; i++) { // one loop: a processor that stands in for a graphics card compiles each look-up anew
+    float at = isFound ? 0.5 * (before + after) : end * float(step * step) / float(STEPS * STEPS);
+    float seen = seenBehind(place + at * way);
+    if (!isFound && step == STEPS) {
+      after = end;
+      depth = seen;
       break;
     }
+    bool isOpen = seen > 1.0;
     if (isOpen) before = at;
-    wasOpen = isOpen;
-  }
-  if (after < end) {
-    for (int i = 0; i < 3; i++) {
-      float at = 0.5 * (before + after);
-      if (seenBehind(place + at * way) > 1.0) before = at;
-      else after = at;
+    else if (isFound || wasOpen) {
+      after = at;
+      depth = seen;
+      isFound = true;
     }
-    if (seenBehind(place + after * way) < THICK) after = end; // it passes behind something
+    wasOpen = isOpen;
+    step++;
+    if (!isFound || halved++ < HALVINGS) continue;
+    if (depth >= THICK) break;
+    isFound = false; // it passes behind something
+    step = STEPS;
   }
-  vec3 met = place + after * way;
-  return vec4(met, step(THICK, seenBehind(met)));
+  return vec4(place + after * way, depth < THICK ? 0.0 : 1.0);
 }
 #endif
 // Radiance along a ray: of the scene, if it is seen there, or else of what is around. spread: angle between the rays of neighbouring pixels.
