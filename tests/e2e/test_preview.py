@@ -156,7 +156,8 @@ def test_first_shadow_of_a_preview_is_grey_and_without_steps(farm: Farm, watched
     assert watched.errors == []
 
 
-# Draws a metal floor before a wall in several lights, one after the other. Returns the colours of pixels, by default of the floor's middle, 0 ... 255.
+# Draws a metal floor before a wall in several lights, one after the other. Returns the colours of pixels, 0 ... 255; by default of
+# the floor's middle.
 DRAW_MIRROR = """async ([obj, mtl, lights, points = [[100, 100]]]) => {
   const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");
   const { meshOf } = await import("/js/mesh/upload.js");
@@ -213,7 +214,9 @@ def test_metal_of_a_preview_shows_what_is_near_in_its_place(farm: Farm, watched:
         way = np.array([0, -1, z - 4])
         return float(100 - 100 * (way @ up) / (way @ forward) / math.tan(math.radians(20)))
 
-    before, far = page.evaluate(DRAW_MIRROR, [floor + low + post, materials, [{}], [[100, round(row(0.2))], [100, round(row(1.5))]]])
+    before, far = page.evaluate(
+        DRAW_MIRROR, [floor + low + post, materials, [{}], [[100, round(row(0.2))], [100, round(row(1.5))]]]
+    )
     assert before[0] > 2 * before[1] + 20
     assert far[0] < 1.5 * far[1] + 20
     assert watched.errors == []
