@@ -156,8 +156,8 @@ def test_first_shadow_of_a_preview_is_grey_and_without_steps(farm: Farm, watched
     assert watched.errors == []
 
 
-# Draws a metal floor before a wall in several lights, one after the other. Returns the colours of pixels, 0 ... 255; by default of
-# the floor's middle.
+# Draws a metal floor before a wall in several lights, one after the other. Returns the colours of pixels, 0 ... 255; by default
+# of the middle of the floor.
 DRAW_MIRROR = """async ([obj, mtl, lights, points = [[100, 100]]]) => {
   const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");
   const { meshOf } = await import("/js/mesh/upload.js");
