@@ -100,9 +100,7 @@ def run_program(program: str, id: str, message: dict[str, Any]) -> None:
     except subprocess.TimeoutExpired:
         raise UndeliveredError(
             Sentence(
-                "hook-program-timeout",
-                "The program took longer than {seconds} s and was ended.",
-                seconds=f"{RUN_TIMEOUT_S:.0f}",
+                "hook-program-timeout", "The program took longer than {seconds} s and was ended.", seconds=f"{RUN_TIMEOUT_S:.0f}"
             )
         ) from None
     except OSError as error:
@@ -111,12 +109,7 @@ def run_program(program: str, id: str, message: dict[str, Any]) -> None:
         ) from None
     if returned:
         raise UndeliveredError(
-            Sentence(
-                "hook-program-failed",
-                "The program ended with {status}. Its output: {output}",
-                status=returned,
-                output=said,
-            )
+            Sentence("hook-program-failed", "The program ended with {status}. Its output: {output}", status=returned, output=said)
             if said
             else Sentence("hook-program-failed-silently", "The program ended with {status}.", status=returned)
         )

@@ -194,10 +194,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(Exception)
     async def _fault(request: Request, error: Exception) -> ProblemResponse:
         log.exception("fault in %s %s", request.method, request.url.path, exc_info=error)
-        sentence = Sentence(
-            "service-fault",
-            "The service failed; its log has details. Try again; if it stays, report it.",
-        )
+        sentence = Sentence("service-fault", "The service failed; its log has details. Try again; if it stays, report it.")
         return response(500, sentence, {"Connection": "close"})  # uvicorn closes the connection, so the client must know
 
 

@@ -237,9 +237,7 @@ def _words(action: Any, symbols: Any, names: list[str], frame: str) -> list[str]
     except FormatStringError as error:
         raise _fault(
             Sentence(
-                "template-expression-unsupported",
-                "{error}: only job and task parameters are supported",
-                error=_one_line(error),
+                "template-expression-unsupported", "{error}: only job and task parameters are supported", error=_one_line(error)
             )
         ) from None
     if sum(map(len, words)) > MAX_BYTES:
@@ -319,9 +317,7 @@ def _numbers(definition: Any, name: str) -> list[float]:
     if min(found) < 0:
         raise _fault(
             Sentence(
-                "template-frame-negative",
-                "it has the frame {frame}; a farm's frames begin at 0",
-                frame=str(min(found))[:20],
+                "template-frame-negative", "it has the frame {frame}; a farm's frames begin at 0", frame=str(min(found))[:20]
             )
         )
     if max(found) > MAX_FRAME:

@@ -180,9 +180,7 @@ class Lighting:
         if found is None or found.of is not None:
             raise NotFound(
                 Sentence(
-                    "scene-id-unknown",
-                    "scene: there is no scene {id}. Upload it first, by POST /api/scenes.",
-                    id=repr(id[:60]),
+                    "scene-id-unknown", "scene: there is no scene {id}. Upload it first, by POST /api/scenes.", id=repr(id[:60])
                 )
             )
         return found

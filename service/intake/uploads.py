@@ -206,11 +206,7 @@ def _record_added_files(
     kept = [ref for ref in (BlobRef(**ref) for ref in scene.files) if ref.path not in files]
     if len(kept) + len(files) > settings.max_upload_files:
         raise TooLarge(
-            Sentence(
-                "scene-files-too-many",
-                "With these the scene has more than {most} files.",
-                most=settings.max_upload_files,
-            )
+            Sentence("scene-files-too-many", "With these the scene has more than {most} files.", most=settings.max_upload_files)
         )
     if sum(ref.size for ref in kept) + sum(writer.size for writer in files.values()) > settings.max_upload_bytes:
         raise TooLarge(
@@ -258,11 +254,7 @@ def _stored_up_axis(requested: str | None, main: str) -> str | None:
     suffix = PurePosixPath(main).suffix.lower()
     if not any(format.suffix == suffix and format.up for format in FORMATS):
         raise Invalid(
-            Sentence(
-                "up-axis-stated-by-file",
-                "up: {format} files state which axis is up; leave up out.",
-                format=suffix,
-            )
+            Sentence("up-axis-stated-by-file", "up: {format} files state which axis is up; leave up out.", format=suffix)
         )
     return requested
 
@@ -512,11 +504,7 @@ def _choose_main_and_environment(form: Form, files: dict[str, BlobWriter], notes
         environment = safe_name(environment)
         if environment not in files:
             raise Invalid(
-                Sentence(
-                    "environment-not-in-upload",
-                    "environment: there is no file {file} in the upload.",
-                    file=environment,
-                )
+                Sentence("environment-not-in-upload", "environment: there is no file {file} in the upload.", file=environment)
             )
     return picked, environment
 

@@ -235,11 +235,7 @@ def _scene_to_render(request: JobIn, stored_request: dict[str, Any], farm: Farm)
 
 def _no_scene(id: str) -> NotFound:
     return NotFound(
-        Sentence(
-            "scene-id-unknown",
-            "scene: there is no scene {id}. Upload it first, by POST /api/scenes.",
-            id=repr(id[:60]),
-        )
+        Sentence("scene-id-unknown", "scene: there is no scene {id}. Upload it first, by POST /api/scenes.", id=repr(id[:60]))
     )
 
 

@@ -90,12 +90,7 @@ def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
     if n is not None and error:
         return Conflict(Sentence("frame-without-picture", "The frame has no picture. {error}", error=error))
     if job.state == "finished" or (job.state in FINAL_STATES and recorded):
-        return Conflict(
-            Sentence(
-                "job-film-gone",
-                "The film of this job is missing. Set the job to running to render it again.",
-            )
-        )
+        return Conflict(Sentence("job-film-gone", "The film of this job is missing. Set the job to running to render it again."))
     if job.state in FINAL_STATES:
         why = job.error or Sentence("picture-job-cancelled", "It was cancelled before.")
         return Conflict(

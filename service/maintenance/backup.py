@@ -220,9 +220,7 @@ class _Run:
             if _hash(path)[1] != sha256:
                 raise Invalid(
                     Sentence(
-                        "backup-blob-damaged",
-                        "the upload or compiled scene {sha256} was damaged by the disk",
-                        sha256=sha256[:12],
+                        "backup-blob-damaged", "the upload or compiled scene {sha256} was damaged by the disk", sha256=sha256[:12]
                     )
                 )
             self.target.put(name, path)

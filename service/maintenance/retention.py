@@ -159,10 +159,7 @@ class Retention:
         with self._asked_lock:
             if self.latest is not None and self.latest.state == "running":
                 raise Conflict(
-                    Sentence(
-                        "retention-already-running",
-                        "A cleanup is already running. GET /api/retention shows its progress.",
-                    )
+                    Sentence("retention-already-running", "A cleanup is already running. GET /api/retention shows its progress.")
                 )
             run = self.latest = Run()
             self._asked_thread = threading.Thread(target=self._carry_out, args=(run, rules), name="retention run", daemon=True)

@@ -145,9 +145,7 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
         if needed:
             raise Conflict(
                 Sentence(
-                    "environment-in-use",
-                    "{count} unfinished job(s) need this environment. Cancel them first.",
-                    count=needed,
+                    "environment-in-use", "{count} unfinished job(s) need this environment. Cancel them first.", count=needed
                 )
             )
         session.delete(found)

@@ -181,10 +181,7 @@ def _rows(job: Job, key: int, farm: Farm) -> tuple[Scene, Frame | None]:
         scene, row = session.get(Scene, job.compiled_scene_id), session.get(Frame, (job.id, key))
     if scene is None or not scene.compiled:
         raise Conflict(
-            Sentence(
-                "pixel-scene-deleted",
-                "The job's scene was deleted, so no paths can be traced through it. Upload it again.",
-            )
+            Sentence("pixel-scene-deleted", "The job's scene was deleted, so no paths can be traced through it. Upload it again.")
         )
     return scene, row
 
@@ -231,16 +228,13 @@ def _explain_request(
     except SettingsError as error:
         raise Conflict(
             Sentence(
-                "pixel-paths-unavailable",
-                "The paths of this picture cannot be traced: {error}. Render it again.",
-                error=error,
+                "pixel-paths-unavailable", "The paths of this picture cannot be traced: {error}. Render it again.", error=error
             )
         ) from None
     if found is None:
         raise Conflict(
             Sentence(
-                "pixel-frame-not-prepared",
-                "The frame is not prepared yet, so its pixels cannot be explained. Try again later.",
+                "pixel-frame-not-prepared", "The frame is not prepared yet, so its pixels cannot be explained. Try again later."
             )
         )
     moment = None if found.own else found.moment

@@ -86,10 +86,7 @@ def retention_run(farm: FarmDependency) -> RetentionOut:
     run = farm.retention.latest
     if run is None:
         raise NotFound(
-            Sentence(
-                "retention-never-run",
-                "No cleanup was started since the service started. POST /api/retention starts one.",
-            )
+            Sentence("retention-never-run", "No cleanup was started since the service started. POST /api/retention starts one.")
         )
     return _retention_out(run)
 

@@ -357,8 +357,7 @@ class Lifecycle:
     def fail_lost_scene(self, scene: str, kind: str | None) -> None:
         """Fails a scene whose preparation was repeatedly lost together with its worker."""
         error = Sentence(
-            "worker-lost-preparing-scene",
-            "The worker was lost three times while it prepared this scene. It may be too large.",
+            "worker-lost-preparing-scene", "The worker was lost three times while it prepared this scene. It may be too large."
         )
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 

@@ -238,10 +238,7 @@ class Records:
             found = session.scalar(select(Frame.settings).where(Frame.job == job, Frame.number == frame))
         if found is None:
             raise Conflict(
-                Sentence(
-                    "frame-record-damaged",
-                    "The record of a frame of this job is damaged. Render its frames again.",
-                )
+                Sentence("frame-record-damaged", "The record of a frame of this job is damaged. Render its frames again.")
             )
         return RenderSettings.from_json(found)
 

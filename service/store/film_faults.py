@@ -98,10 +98,7 @@ def damaged_samples_error(first: int, tile: int) -> FilmDamaged:
     """
     return damaged_film_error(
         Sentence(
-            "film-samples-damaged",
-            "samples from {first} on of tile {tile} differ from what was written",
-            first=first,
-            tile=tile,
+            "film-samples-damaged", "samples from {first} on of tile {tile} differ from what was written", first=first, tile=tile
         )
     )
 

@@ -191,8 +191,7 @@ def unreadable_answer() -> Failed:
     """Returns the error for an answer that is not a valid explanation."""
     return Failed(
         Sentence(
-            "worker-answer-unreadable",
-            "The worker's answer cannot be read. Run the same release of Rayfarm on all machines.",
+            "worker-answer-unreadable", "The worker's answer cannot be read. Run the same release of Rayfarm on all machines."
         )
     )
 

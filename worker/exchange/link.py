@@ -73,10 +73,7 @@ class Link:
             )
         if not (token.isascii() and token.isprintable()):
             raise RefusedError(
-                Sentence(
-                    "worker-token-malformed",
-                    "The token has invalid characters. Use the one that `rayfarm up` shows.",
-                )
+                Sentence("worker-token-malformed", "The token has invalid characters. Use the one that `rayfarm up` shows.")
             )
         if not is_address(self.service):
             raise RefusedError(

@@ -47,11 +47,7 @@ def set_samples(job: Job, spp: int | None, added: int | None, present: int) -> N
         )
     if wanted < now or (wanted == now and not is_by_samples):
         raise Conflict(
-            Sentence(
-                "job-spp-lowered",
-                "spp: the job has {spp} samples per pixel already; samples can only be added.",
-                spp=now,
-            )
+            Sentence("job-spp-lowered", "spp: the job has {spp} samples per pixel already; samples can only be added.", spp=now)
         )
     if is_by_samples and wanted == job.spp:
         return
@@ -65,10 +61,7 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
     if state == "cancelled":
         if job.state == "finished":
             raise Conflict(
-                Sentence(
-                    "job-already-finished",
-                    "The job is finished; there is nothing to cancel. To remove it, delete it.",
-                )
+                Sentence("job-already-finished", "The job is finished; there is nothing to cancel. To remove it, delete it.")
             )
         if job.state != "cancelled":
             job.state, job.finished = "cancelled", time.time()
