@@ -26,7 +26,7 @@ from renderer import film as film_math
 from renderer.frames import MAX_FRAMES, frame_key, frame_text
 from renderer.image.tonemap import key_of
 from renderer.sentences import Sentence
-from renderer.settings import Tile, group_names
+from renderer.settings import group_names
 from service.errors import Invalid
 from service.farm import Farm
 from service.http.curve_name import CurveName
@@ -39,7 +39,7 @@ from service.http.visit import VisitDependency
 from service.jobs.denoised import denoised_artifact, denoised_lights_artifact
 from service.jobs.describe_frames import frame_out, frames_json
 from service.jobs.frame_workers import FrameWorkersOut, frame_workers
-from service.jobs.lookup import find_film, find_job, find_picture, frame_not_found, names_of_ids, without_samples
+from service.jobs.lookup import find_film, find_job, find_picture, frame_not_found, names_of_ids, tile_at, without_samples
 from service.jobs.motion import motion_vectors_of
 from service.models.jobs import FrameOut, FrameState
 from service.store import bands
@@ -303,25 +303,9 @@ async def pixel(
     return await anyio.to_thread.run_sync(_pixel, id, n, farm, x, y, limiter=farm.tiles)
 
 
-def _tile_at(film: Film, x: int, y: int) -> tuple[int, Tile]:
-    """Returns the index and rectangle of the tile that contains a pixel. Raises Invalid if the pixel is outside the frame."""
-    if x >= film.width or y >= film.height:
-        raise Invalid(
-            Sentence(
-                "pixel-not-in-frame",
-                "There is no pixel {x}, {y}: the frame is {width} x {height}, counted from 0.",
-                x=x,
-                y=y,
-                width=film.width,
-                height=film.height,
-            )
-        )
-    return next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
-
-
 def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
     film = find_picture(id, n, farm)
-    at, tile = _tile_at(film, x, y)
+    at, tile = tile_at(film, x, y)
     sums = film.tile_sums(frame_key(n), at)
     sums = (
         np.zeros((film_math.plane_count(len(film.groups), film.is_transparent), 1, 1), np.int64)
@@ -359,7 +343,7 @@ def tile_log(
     Of successful batches, it has only the latest 16 since the service started.
     """
     film = find_film(id, n, farm)
-    at, _ = _tile_at(film, x, y)
+    at, _ = tile_at(film, x, y)
     about = re.compile(rf"\btile {at}, frame {re.escape(frame_text(n))}(?!\.?\d)")
     told = [line for line in farm.engine.logs.text(id).decode(errors="replace").splitlines() if about.search(line)]
     told += farm.engine.logs.tiles.text(id, frame_key(n), at).splitlines()

@@ -26,7 +26,7 @@ from service.http.head_requests import headers_response, is_head
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_numbers
-from service.jobs.lookup import find_job, names_of_ids, without_samples
+from service.jobs.lookup import film_of, find_job, names_of_ids, without_samples
 from service.jobs.motion import motion_vectors_of
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.shot import Shot
@@ -69,7 +69,7 @@ async def frames_zip(
     if any(map(aovs.is_matte, wish.planes)):
         wish = replace(wish, names_of_ids=await run_in_threadpool(names_of_ids, id, farm))
     found = await run_in_threadpool(_selected_frames, job, frames, farm)
-    film = await run_in_threadpool(_film, job, farm)
+    film = await run_in_threadpool(film_of, job, farm)
     if which != "coming" and not any(_is_selected(frame, which) for frame in found.values()):
         raise Conflict(
             Sentence(
@@ -115,7 +115,7 @@ async def get_movie(
     shown = {key: frame.samples for key, frame in chosen.items() if frame.samples}
     if not shown:
         raise Conflict(Sentence("shot-without-samples", "No frame has samples yet. Try again in a moment."))
-    film = await run_in_threadpool(_film, job, farm)
+    film = await run_in_threadpool(film_of, job, farm)
     if await run_in_threadpool(lambda: film.is_empty):
         raise without_samples(job, farm)
     speed = await run_in_threadpool(_fps, job, farm) if fps is None else fps
@@ -183,19 +183,6 @@ def _selected_frames(job: Job, frames: str | None, farm: Farm) -> dict[int, Fram
     with farm.sessions() as session:
         found = frame_numbers(job, session, farm.engine)
     return {key: frame for key, frame in found if keys is None or key in keys}
-
-
-def _film(job: Job, farm: Farm) -> Film:
-    film = farm.film(job)
-    if film is None:
-        raise Conflict(
-            Sentence(
-                "job-without-picture",
-                "The job has no picture yet: {error}",
-                error=job.error or Sentence("picture-scene-preparing", "its scene is still being prepared."),
-            )
-        )
-    return film
 
 
 def _fps(job: Job, farm: Farm) -> float:

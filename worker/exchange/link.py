@@ -18,9 +18,17 @@ from redis.connection import ConnectionPool
 
 from protocol.channel import CHANNEL_PATH
 from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
-from renderer.library_messages import library_message
 from renderer.sentences import Sentence
-from worker.exchange.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
+from worker.exchange.errors import (
+    DamagedError,
+    LinkError,
+    NotAFarmError,
+    RefusedError,
+    TokenError,
+    answered_status,
+    not_reachable,
+    token_unknown,
+)
 from worker.exchange.foreign_server import MAX_ANSWER, describe_answer, is_address, is_loopback, not_a_farm
 from worker.exchange.trust import verify_option, verify_option_for
 
@@ -293,14 +301,7 @@ class Link:
                 self._check_status(response)
                 yield response
         except (httpx.HTTPError, httpx.StreamError, httpx.InvalidURL, UnicodeError) as error:
-            raise LinkError(
-                Sentence(
-                    "service-not-reachable",
-                    "no answer from {service} ({error})",
-                    service=self.service,
-                    error=library_message(error),
-                )
-            ) from error
+            raise LinkError(not_reachable(self.service, error)) from error
 
     def _check_status(self, response: httpx.Response) -> None:
         if response.is_success:
@@ -314,12 +315,7 @@ class Link:
             )
         if status in (401, 403):
             raise TokenError(
-                Sentence(
-                    "worker-token-unknown",
-                    "{service} does not know this token. Take the token that `rayfarm up` shows, or ask the "
-                    "administrator of this farm.",
-                    service=self.service,
-                )
+                token_unknown(self.service)
                 if is_service
                 else Sentence(
                     "worker-token-refused",
@@ -341,13 +337,7 @@ class Link:
                 detail=detail,
             )
             if detail
-            else Sentence(
-                "service-answered-status",
-                "{service} answers {status} to {request}",
-                service=self.service,
-                status=status,
-                request=asked,
-            )
+            else answered_status(self.service, status, asked)
         )
         if response.is_redirect:
             raise NotAFarmError(
