@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any, Literal
 
@@ -164,72 +165,37 @@ async def image(
     """
     curve = await run_in_threadpool(farm.curves.find, tonemap_curve)
     job = await run_in_threadpool(find_job, id, farm)
-    planes, in_layers = _requested_planes(aov, job)
-    if in_shot and not denoise:
-        raise Invalid(Sentence("in-shot-needs-denoise", "in_shot: only a denoised picture is averaged; add denoise=true."))
-    is_preview = preview and denoise and not in_shot
-    groups = group_names((job.settings or {}).get("light_groups", ""))
-    group = planes[0].removeprefix(aovs.LIGHT) if len(planes) == 1 and not in_layers and aovs.is_light(planes[0]) else None
-    if denoise and planes and group not in groups:
-        raise Invalid(
-            Sentence("denoise-only-colour", "denoise: only the colour, or one light group, can be denoised; leave aov out.")
-        )
-    gains = gains_of_mix(mix, groups)
-    if gains and planes:
-        raise Invalid(Sentence("mix-only-colour", "mix: only the colour can be mixed; leave aov out."))
-    of_lights = denoise and bool(planes or gains)
-    if of_lights and in_shot:
-        raise Invalid(
-            Sentence("in-shot-without-lights", "in_shot: only the colour as rendered is averaged; leave aov and mix out.")
-        )
-    if of_lights and not gains:
-        gains = tuple((1.0, 1.0, 1.0) if name == group else (0.0, 0.0, 0.0) for name in groups)
-    is_preview = is_preview and not of_lights
-    PictureRequest(extension, planes, in_layers, curve=curve, width=width, gain_map=gain_map).check()
+    look = {"exposure": exposure, "curve": curve, "width": width, "visible": visible, "gain_map": gain_map}
+    wish = _picture_request(extension, aov, mix, job, denoise=denoise, in_shot=in_shot, **look)
+    is_preview = preview and denoise and not in_shot and not wish.lights
     film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
     asks_head = is_head(request)
     if not denoise or asks_head:
         denoised = None
-    elif of_lights:
+    elif wish.lights:
         denoised = await denoised_lights_artifact(job, n, film, farm)
     else:
         denoised = await denoised_artifact(job, n, film, farm, in_shot=in_shot, is_preview=is_preview, waits=wait)
     if denoised is not None:
         version, samples, is_preview = denoised.version, denoised.samples, denoised.is_preview
-    clean = f"{denoise}{is_preview}"
-    key = f"{version} {clean} {extension} {planes} {in_layers} {exposure} {key_of(curve)} {width} {visible} {gains} {gain_map}"
-    headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
-    headers[SAMPLES_HEADER] = str(samples)
+        wish = replace(wish, denoised=partial(farm.blobs.open, denoised.sha256))
+    headers = {"ETag": _etag(wish, f"{version} {denoise}{is_preview}"), "Cache-Control": "no-cache", SAMPLES_HEADER: str(samples)}
     if denoised is not None and is_preview:
         headers["X-Preview"] = "true"
     known = request.headers.get("if-none-match", "")
     if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)
-    kind = "layers" if in_layers else planes[0] if planes else "mix" if gains else ""
-    kind = "-".join([*filter(None, [kind]), *(["denoised"] if denoise else [])])
-    headers["Content-Disposition"] = content_disposition(picture_name(job, n, samples, kind, extension))
+    content = [_content_name(wish), "denoised" if denoise else ""]
+    name = picture_name(job, n, samples, "-".join(filter(None, content)), extension)
+    headers["Content-Disposition"] = content_disposition(name)
     if asks_head:
         if denoise:
             del headers["ETag"]  # the response has the ETag of the denoised picture
         return headers_response(headers, MEDIA[extension])
-    blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
-    motion = await motion_vectors_of(job, n, film, farm) if aovs.MOTION in planes else None
-    names = await run_in_threadpool(names_of_ids, id, farm) if any(map(aovs.is_matte, planes)) else {}
-    wish = PictureRequest(
-        extension,
-        planes,
-        in_layers,
-        exposure,
-        curve,
-        width,
-        blob,
-        len(groups) if of_lights else 0,
-        motion,
-        names_of_ids=names,
-        visible=visible,
-        gains=gains,
-        gain_map=gain_map,
-    )
+    if aovs.MOTION in wish.planes:
+        wish = replace(wish, motion=await motion_vectors_of(job, n, film, farm))
+    if any(map(aovs.is_matte, wish.planes)):
+        wish = replace(wish, names_of_ids=await run_in_threadpool(names_of_ids, id, farm))
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.run(
         (id, n, headers["ETag"]), picture_memory(film, wish), picture_file, film, frame_key(n), wish, folder, user=visit.queue
@@ -365,6 +331,49 @@ async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependenc
         (id, n, "digest", version), bands.digest_memory(film), bands.digest, film, frame_key(n), folder, user=visit.queue
     )
     return Digest(digest=made, samples=samples)
+
+
+def _picture_request(
+    extension: str, aov: str, mix: str, job: Job, *, denoise: bool, in_shot: bool, **look: Any
+) -> PictureRequest:
+    """Returns the picture that the parameters of `image` request, without the files that workers make for it. Raises Invalid.
+
+    look: fields of PictureRequest.
+    """
+    planes, in_layers = _requested_planes(aov, job)
+    if in_shot and not denoise:
+        raise Invalid(Sentence("in-shot-needs-denoise", "in_shot: only a denoised picture is averaged; add denoise=true."))
+    groups = group_names((job.settings or {}).get("light_groups", ""))
+    group = planes[0].removeprefix(aovs.LIGHT) if len(planes) == 1 and not in_layers and aovs.is_light(planes[0]) else None
+    if denoise and planes and group not in groups:
+        raise Invalid(
+            Sentence("denoise-only-colour", "denoise: only the colour, or one light group, can be denoised; leave aov out.")
+        )
+    gains = gains_of_mix(mix, groups)
+    if gains and planes:
+        raise Invalid(Sentence("mix-only-colour", "mix: only the colour can be mixed; leave aov out."))
+    of_lights = denoise and bool(planes or gains)
+    if of_lights and in_shot:
+        raise Invalid(
+            Sentence("in-shot-without-lights", "in_shot: only the colour as rendered is averaged; leave aov and mix out.")
+        )
+    if of_lights and not gains:
+        gains = tuple((1.0, 1.0, 1.0) if name == group else (0.0, 0.0, 0.0) for name in groups)
+    wish = PictureRequest(extension, planes, in_layers, lights=len(groups) if of_lights else 0, gains=gains, **look)
+    wish.check()
+    return wish
+
+
+def _etag(wish: PictureRequest, version: str) -> str:
+    """Returns the ETag of a picture. version: of its samples, and how they are denoised."""
+    look = f"{wish.exposure} {key_of(wish.curve)} {wish.width} {wish.visible} {wish.gains} {wish.gain_map}"
+    key = f"{version} {wish.extension} {wish.planes} {wish.in_layers} {look}"
+    return f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"'
+
+
+def _content_name(wish: PictureRequest) -> str:
+    """Returns the part of a file name that says what a picture shows; empty for the colour."""
+    return "layers" if wish.in_layers else wish.planes[0] if wish.planes else "mix" if wish.gains else ""
 
 
 def _requested_planes(text: str, job: Job) -> tuple[tuple[str, ...], bool]:
