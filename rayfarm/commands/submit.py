@@ -159,7 +159,7 @@ def submit(
         _submit_template(scene, param or [], given, output, need or [], overwrite, **among)
         return None
     if param:
-        raise CommandError(f"--param goes with a job template, and {scene.name} is none")
+        raise CommandError(f"--param needs a job template, which {scene.name} is not")
     look = {**({"exposure": exposure} if exposure else {}), **({} if tonemap == "neutral" else {"tonemap": tonemap})}
     moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
     _check_output_format(output, is_shot=frames is not None)

@@ -102,7 +102,7 @@ def _check_permissions(data: Path) -> Iterator[Finding]:
     if open_ones:
         where = " ".join(str(data / name) for name in open_ones)
         yield fault(
-            "Secrets", f"Others can read {', '.join(open_ones)}: whoever has the token can send results.", f"chmod 600 {where}"
+            "Secrets", f"Others can read {', '.join(open_ones)}: anyone with the token can send results.", f"chmod 600 {where}"
         )
 
 

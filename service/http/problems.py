@@ -189,7 +189,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(ClientDisconnect)
     async def handle_disconnect(request: Request, error: ClientDisconnect) -> Response:
-        return Response(status_code=400)  # never read: the client aborted the upload, which is no error of the service
+        return Response(status_code=400)  # never read: the client aborted the upload, which is not an error of the service
 
     @app.exception_handler(Exception)
     async def _fault(request: Request, error: Exception) -> ProblemResponse:

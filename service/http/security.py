@@ -183,6 +183,6 @@ def _limited_receive(scope: Scope, receive: Receive) -> Receive:
 def _too_large() -> Problem:
     return Problem(
         413,
-        Sentence("request-body-too-large", "The body is larger than {most} bytes.", most=MAX_BODY),
+        Sentence("request-body-too-large", "The body is larger than {most} bytes. Send a smaller one.", most=MAX_BODY),
         headers={"Connection": "close"},
     )

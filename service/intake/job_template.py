@@ -104,7 +104,7 @@ def _expanded(
     from openjd.model._errors import DecodeValidationError
 
     if not isinstance(document, dict):
-        raise _fault(Sentence("template-not-object", "this is no job template"))
+        raise _fault(Sentence("template-not-object", "this is not a job template"))
     _check_size(document)
     given = dict(values)
     try:
@@ -153,7 +153,7 @@ def _fault(sentence: str) -> SettingsError:
 
 
 def _invalid(error: Exception) -> SettingsError:
-    return _fault(Sentence("template-invalid", "this is no valid job template: {error}", error=_one_line(error)))
+    return _fault(Sentence("template-invalid", "this is not a valid job template: {error}", error=_one_line(error)))
 
 
 def _too_large() -> SettingsError:

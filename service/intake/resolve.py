@@ -73,7 +73,8 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
         raise SettingsError(
             Sentence(
                 "tiles-too-many",
-                "tile_size is {tile_size}, which makes {tiles} tiles per frame; at most {most} are allowed",
+                "tile_size is {tile_size}, which makes {tiles} tiles per frame; at most {most} are allowed: give "
+                "a larger tile_size",
                 tile_size=job.tile_size,
                 tiles=tiles,
                 most=MAX_TILES,

@@ -30,7 +30,11 @@ def request_of(asked: TemplateIn, visit: Visit, farm: Farm) -> JobIn:
     """
     if not has_model():
         raise Unavailable(
-            Sentence("templates-not-offered", "This farm reads no job templates: its service lacks the package openjd-model.")
+            Sentence(
+                "templates-not-offered",
+                "This farm reads no job templates: its service lacks the package openjd-model. Ask the "
+                "administrator of this farm.",
+            )
         )
     check_scene(asked.scene, visit, farm)
     try:

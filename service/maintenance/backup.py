@@ -75,7 +75,7 @@ class Manifest:
             raise Invalid(
                 Sentence(
                     "backup-manifest-unreadable",
-                    "{manifest} of the backup cannot be read ({error}).",
+                    "{manifest} of the backup cannot be read ({error}). Use another backup.",
                     manifest=MANIFEST,
                     error=library_message(error),
                 )

@@ -290,7 +290,9 @@ class Lifecycle:
     def fail_lost_frame(self, job: ActiveJob, frame: ActiveFrame) -> None:
         """Fails a frame whose preparation was repeatedly lost together with its worker."""
         error = Sentence(
-            "worker-lost-preparing-frame", "The worker was lost three times while it prepared this frame. It may be too large."
+            "worker-lost-preparing-frame",
+            "The worker was lost three times while it prepared this frame. Make the scene smaller, or give "
+            "the worker more memory.",
         )
         self._bulkheads.run(job.id, Step.RECORD, lambda: job.fail_frame(frame, error))
 
@@ -357,7 +359,9 @@ class Lifecycle:
     def fail_lost_scene(self, scene: str, kind: str | None) -> None:
         """Fails a scene whose preparation was repeatedly lost together with its worker."""
         error = Sentence(
-            "worker-lost-preparing-scene", "The worker was lost three times while it prepared this scene. It may be too large."
+            "worker-lost-preparing-scene",
+            "The worker was lost three times while it prepared this scene. Make the scene smaller, or give "
+            "the worker more memory.",
         )
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 

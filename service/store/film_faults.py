@@ -61,7 +61,7 @@ class FilmClosed(NotFound):
     """Raised if the film is closed during a read, because its job was deleted or restarted, or because the service stops."""
 
     def __init__(self) -> None:
-        super().__init__(Sentence("film-job-changed", "The job was deleted or restarted while its picture was read."))
+        super().__init__(Sentence("film-job-changed", "The job was deleted or restarted while its picture was read. Reload it."))
 
 
 @contextmanager

@@ -166,7 +166,7 @@ def test_only_files_of_the_given_folders_are_uploaded(service: Service, tmp_path
 
 def test_what_is_missing_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done = rayfarm("mcp", "--folder", tmp_path / "none")
-    assert done.returncode == 1 and "which is no folder" in done.stderr
+    assert done.returncode == 1 and "which is not a folder" in done.stderr
     monkeypatch.setitem(sys.modules, "mcp.server.mcpserver", None)
     monkeypatch.delitem(sys.modules, "rayfarm.mcp_server")
     done = rayfarm("mcp")

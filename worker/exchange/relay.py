@@ -151,7 +151,13 @@ class _Relay:
                 await channel.close()
                 raise _UnavailableError(detail)
         channel.transport.abort()
-        raise _UnavailableError(Sentence("channel-foreign", "{service} is not a farm's queue.", service=self._settings.service))
+        raise _UnavailableError(
+            Sentence(
+                "channel-foreign",
+                "{service} is not a farm's queue. Give the address that `rayfarm up` shows.",
+                service=self._settings.service,
+            )
+        )
 
     def _log_once(self, reason: str) -> None:
         now = time.monotonic()
@@ -185,7 +191,7 @@ def _without_password(command: Command, password: str) -> bytes:
 def _limit_unsent_bytes(channel: ClientConnection) -> None:
     """Makes the system accept little that it cannot send yet, so that a sender waits as it would for Redis itself.
 
-    Otherwise megabytes would wait here on a slow line, and the reply would come too late for whoever sent them.
+    Otherwise megabytes would wait here on a slow line, and their sender would get the reply too late.
     """
     connected = channel.transport.get_extra_info("socket")
     if connected is not None and (mark := getattr(socket, "TCP_NOTSENT_LOWAT", None)) is not None:
