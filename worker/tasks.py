@@ -62,6 +62,16 @@ from worker.work.viewport import ViewAnswers, prepare_view_frame, render_view
 __all__ = ["register"]
 
 LINK_TIMEOUT_S = 60.0
+DIED_RENDERING = Sentence(
+    "worker-died-rendering-batch",
+    "the worker process died {count} times while it rendered this batch",
+    count=DEATHS_ALLOWED,
+)
+DIED_PREPARING_FRAME = Sentence(
+    "worker-died-preparing-frame",
+    "The worker process died {count} times while it prepared this frame.",
+    count=DEATHS_ALLOWED,
+)
 
 log = logging.getLogger(__name__)
 
@@ -154,12 +164,7 @@ def _render(
     with rendering_batch(worker, work, task.request.id) as do:
         deaths = count_deaths(task, worker, work.batch)
         if deaths >= DEATHS_ALLOWED:
-            sentence = Sentence(
-                "worker-died-rendering-batch",
-                "the worker process died {count} times while it rendered this batch",
-                count=DEATHS_ALLOWED,
-            )
-            worker.results.send(failure_event(worker, work, sentence))
+            worker.results.send(failure_event(worker, work, DIED_RENDERING))
             return
         if deaths:
             with contextlib.suppress(TemporaryError):  # the slot's death may come from a file damaged on this disk
@@ -213,12 +218,7 @@ def _render_on_card(task: Any, card: dict[str, Any]) -> None:
             hand.report_part(doing(block.batches[0], block.tile) | ({"compiling": True} if is_compiling else {}))
 
         if count_deaths(task, worker, message) >= DEATHS_ALLOWED:
-            sentence = Sentence(
-                "worker-died-rendering-batch",
-                "the worker process died {count} times while it rendered this batch",
-                count=DEATHS_ALLOWED,
-            )
-            return_to_cpus(worker, work.batches, sentence)
+            return_to_cpus(worker, work.batches, DIED_RENDERING)
             return
         hand.speed = render_on_card(worker, work, show)
         reset_deaths(task, worker, message)
@@ -341,13 +341,8 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
     with SlotTask(worker, {"scene": work.scene, "work": work.work}):
         try:
             if count_deaths(task, worker, work.work) >= DEATHS_ALLOWED:
-                sentence = Sentence(
-                    "worker-died-preparing-frame",
-                    "The worker process died {count} times while it prepared this frame.",
-                    count=DEATHS_ALLOWED,
-                )
-                send("frame-failed", frame=work.frames[0], error=sentence)
-                send("frames-returned", error=sentence)
+                send("frame-failed", frame=work.frames[0], error=DIED_PREPARING_FRAME)
+                send("frames-returned", error=DIED_PREPARING_FRAME)
                 return
             manifest = retry_temporary(lambda: worker.link.manifest(work.scene), LINK_TIMEOUT_S)
             prepare_frames(worker, manifest, work, send)
@@ -404,12 +399,7 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
         return
     with SlotTask(worker, {"view": work.watch, "message": work.message}):
         if count_deaths(task, worker, work.message) >= DEATHS_ALLOWED:
-            sentence = Sentence(
-                "worker-died-preparing-frame",
-                "The worker process died {count} times while it prepared this frame.",
-                count=DEATHS_ALLOWED,
-            )
-            ViewAnswers(worker, work).send("failed", error=sentence)
+            ViewAnswers(worker, work).send("failed", error=DIED_PREPARING_FRAME)
         else:
             prepare_view_frame(worker, work)
 
