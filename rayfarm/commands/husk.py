@@ -118,7 +118,7 @@ def husk(
     if unknown:
         raise CommandError(f"{unknown[0]} is not an option of husk that Rayfarm has; `rayfarm husk --help` lists those")
     if stage.suffix.lower() not in SUFFIXES:
-        raise CommandError(f"{stage.name} is no USD file: {', '.join(SUFFIXES)}. Others are rendered by `rayfarm render`")
+        raise CommandError(f"{stage.name} is not a USD file: {', '.join(SUFFIXES)}. Others are rendered by `rayfarm render`")
     found = render_settings(stage, frame, frame_count, frame_inc, root)
     chosen = _chosen(found, settings, stage)
     product = _product(chosen, stage)

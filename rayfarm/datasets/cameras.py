@@ -333,7 +333,7 @@ def _json(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise SettingsError(f"{path} cannot be read: {error.strerror}") from None
     except ValueError as error:
-        raise SettingsError(f"{path} is no JSON: {error}") from None
+        raise SettingsError(f"{path} is not JSON: {error}") from None
     if not isinstance(data, dict):
         raise SettingsError(f"{path} is not a transforms.json: it does not hold an object")
     return data

@@ -52,7 +52,7 @@ def _chosen_server(program: Path) -> Path:
     """Returns the program of RAYFARM_REDIS_SERVER. Raises CommandError if a farm cannot use it."""
     found = server_release(program)
     if not found.numbers:
-        raise CommandError(f"{SERVER_VARIABLE} is {program}, which is no Redis or Valkey server that runs here.")
+        raise CommandError(f"{SERVER_VARIABLE} is {program}, which is not a Redis or Valkey server that runs here.")
     if found.is_too_old:
         least = ".".join(map(str, MIN_VERSION))
         raise CommandError(f"{SERVER_VARIABLE} is {program}, which is {found}; a farm needs Redis {least} or newer.")

@@ -158,10 +158,7 @@ class PathGuides(ArtifactTask[TrainPathGuide]):
 
     def _no_worker_error(self) -> Unavailable:
         return Unavailable(
-            Sentence(
-                "path-guide-needs-worker",
-                "Training a path guide needs a worker, but none is ready. Start one, or resume a paused one.",
-            )
+            Sentence("path-guide-needs-worker", "No ready worker can train path guides. Start one, or resume a paused one.")
         )
 
 
