@@ -155,9 +155,9 @@ class Client:
             farm.upload({"spot.obj": here / "spot.obj", "textures/spot.png": here / "spot.png"}, main="spot.obj")
         """
         named = by_name(files)
-        told = {"main": main, "environment": environment, "name": name, "strict": "true" if strict else None}
-        told |= {"up": up, "floor": floor}
-        fields = {key: value for key, value in told.items() if value}
+        given = {"main": main, "environment": environment, "name": name, "strict": "true" if strict else None}
+        given |= {"up": up, "floor": floor}
+        fields = {key: value for key, value in given.items() if value}
         with contextlib.ExitStack() as stack:
             try:
                 parts = [("files", (inside, stack.enter_context(path.open("rb")))) for inside, path in named.items()]
@@ -346,7 +346,7 @@ class Client:
         from websockets.exceptions import InvalidHandshake, InvalidStatus, InvalidURI
         from websockets.sync.client import connect
 
-        headers = {"Authorization": told} if (told := self._http.headers.get("Authorization")) else None
+        headers = {"Authorization": authorization} if (authorization := self._http.headers.get("Authorization")) else None
         secure = self._verify if self.url.startswith("https") and not isinstance(self._verify, bool) else None
         try:
             return connect(

@@ -267,41 +267,42 @@ def _prepare(task: Any, scene: str) -> None:
             info = retry_temporary(lambda: prepare_scene(worker, manifest, progress, send_preview), LINK_TIMEOUT_S)
             steps.begin_step(None)
             send("prepared", info=asdict(info))
-        except WorkError as error:
-            send("prepare-failed", error=str(error))
-        except MachineError as error:
-            send("prepare-returned", error=str(error), unfit=True, passing=True)
-        except TemporaryError as error:
-            send(
-                "prepare-returned",
-                error=Sentence("worker-returned-scene", "{worker} returned the scene: {error}", worker=worker.name, error=error),
-            )
-        except UnfitError as error:
-            send("prepare-returned", error=str(error), unfit=True)
-        except RefusedError as error:
-            send(
-                "prepare-failed",
-                error=Sentence(
-                    "worker-file-transfer-failed",
-                    "{worker} could not exchange the scene's files with the service: {error}",
-                    worker=worker.name,
-                    error=error,
-                ),
-            )
         except Exception as error:
-            log.exception("preparing %s failed", scene)
-            send(
-                "prepare-failed",
-                error=Sentence(
-                    "worker-scene-failed",
-                    "{worker} could not prepare the scene ({kind}: {error}).",
-                    worker=worker.name,
-                    kind=type(error).__name__,
-                    error=error,
-                ),
-            )
+            kind, fields = _scene_failure(worker, scene, error)
+            send(kind, **fields)
         if info is not None and manifest.base is None:  # a relit scene is shown by its base's thumbnail
             _send_thumbnail(worker, about, info, manifest.main)
+
+
+def _scene_failure(worker: context.WorkerContext, scene: str, error: Exception) -> tuple[str, dict[str, Any]]:
+    """Returns the type and the fields of the event that reports why a scene is not prepared. Logs an unexpected error."""
+    match error:
+        case WorkError():
+            return "prepare-failed", {"error": str(error)}
+        case MachineError():
+            return "prepare-returned", {"error": str(error), "unfit": True, "passing": True}
+        case TemporaryError():
+            said = Sentence("worker-returned-scene", "{worker} returned the scene: {error}", worker=worker.name, error=error)
+            return "prepare-returned", {"error": said}
+        case UnfitError():
+            return "prepare-returned", {"error": str(error), "unfit": True}
+        case RefusedError():
+            said = Sentence(
+                "worker-file-transfer-failed",
+                "{worker} could not exchange the scene's files with the service: {error}",
+                worker=worker.name,
+                error=error,
+            )
+            return "prepare-failed", {"error": said}
+    log.error("preparing %s failed", scene, exc_info=error)
+    said = Sentence(
+        "worker-scene-failed",
+        "{worker} could not prepare the scene ({kind}: {error}).",
+        worker=worker.name,
+        kind=type(error).__name__,
+        error=error,
+    )
+    return "prepare-failed", {"error": said}
 
 
 def _send_thumbnail(worker: context.WorkerContext, about: dict[str, Any], info: SceneInfo, main: str) -> None:

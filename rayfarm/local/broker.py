@@ -74,10 +74,10 @@ def _programs() -> Iterator[Path]:
 def server_release(program: Path) -> RedisRelease:
     """Returns the release of a Redis or Valkey program. Its version is unknown if the program does not run."""
     try:
-        told = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=PATIENCE_S, check=False).stdout
+        printed = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=PATIENCE_S, check=False).stdout
     except (OSError, subprocess.TimeoutExpired):
-        told = ""
-    return parse_version_output(told)
+        printed = ""
+    return parse_version_output(printed)
 
 
 def memory_limit() -> int:

@@ -166,39 +166,50 @@ async def image(
     curve = await run_in_threadpool(farm.curves.find, tonemap_curve)
     job = await run_in_threadpool(find_job, id, farm)
     look = {"exposure": exposure, "curve": curve, "width": width, "visible": visible, "gain_map": gain_map}
-    wish = _picture_request(extension, aov, mix, job, denoise=denoise, in_shot=in_shot, **look)
-    is_preview = preview and denoise and not in_shot and not wish.lights
+    picture = _picture_request(extension, aov, mix, job, denoise=denoise, in_shot=in_shot, **look)
+    is_preview = preview and denoise and not in_shot and not picture.lights
     film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
     asks_head = is_head(request)
     if not denoise or asks_head:
         denoised = None
-    elif wish.lights:
+    elif picture.lights:
         denoised = await denoised_lights_artifact(job, n, film, farm)
     else:
         denoised = await denoised_artifact(job, n, film, farm, in_shot=in_shot, is_preview=is_preview, waits=wait)
     if denoised is not None:
         version, samples, is_preview = denoised.version, denoised.samples, denoised.is_preview
-        wish = replace(wish, denoised=partial(farm.blobs.open, denoised.sha256))
-    headers = {"ETag": _etag(wish, f"{version} {denoise}{is_preview}"), "Cache-Control": "no-cache", SAMPLES_HEADER: str(samples)}
+        picture = replace(picture, denoised=partial(farm.blobs.open, denoised.sha256))
+    headers = {
+        "ETag": _etag(picture, f"{version} {denoise}{is_preview}"),
+        "Cache-Control": "no-cache",
+        SAMPLES_HEADER: str(samples),
+    }
     if denoised is not None and is_preview:
         headers["X-Preview"] = "true"
     known = request.headers.get("if-none-match", "")
     if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)
-    content = [_content_name(wish), "denoised" if denoise else ""]
+    content = [_content_name(picture), "denoised" if denoise else ""]
     name = picture_name(job, n, samples, "-".join(filter(None, content)), extension)
     headers["Content-Disposition"] = content_disposition(name)
     if asks_head:
         if denoise:
             del headers["ETag"]  # the response has the ETag of the denoised picture
         return headers_response(headers, MEDIA[extension])
-    if aovs.MOTION in wish.planes:
-        wish = replace(wish, motion=await motion_vectors_of(job, n, film, farm))
-    if any(map(aovs.is_matte, wish.planes)):
-        wish = replace(wish, names_of_ids=await run_in_threadpool(names_of_ids, id, farm))
+    if aovs.MOTION in picture.planes:
+        picture = replace(picture, motion=await motion_vectors_of(job, n, film, farm))
+    if any(map(aovs.is_matte, picture.planes)):
+        picture = replace(picture, names_of_ids=await run_in_threadpool(names_of_ids, id, farm))
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.run(
-        (id, n, headers["ETag"]), picture_memory(film, wish), picture_file, film, frame_key(n), wish, folder, user=visit.queue
+        (id, n, headers["ETag"]),
+        picture_memory(film, picture),
+        picture_file,
+        film,
+        frame_key(n),
+        picture,
+        folder,
+        user=visit.queue,
     )
     headers["Content-Length"] = str(made.size)
     if made.span is not None:
@@ -311,9 +322,9 @@ def tile_log(
     film = find_film(id, n, farm)
     at, _ = tile_at(film, x, y)
     about = re.compile(rf"\btile {at}, frame {re.escape(frame_text(n))}(?!\.?\d)")
-    told = [line for line in farm.engine.logs.text(id).decode(errors="replace").splitlines() if about.search(line)]
-    told += farm.engine.logs.tiles.text(id, frame_key(n), at).splitlines()
-    return "".join(f"{line}\n" for line in sorted(told))
+    lines = [line for line in farm.engine.logs.text(id).decode(errors="replace").splitlines() if about.search(line)]
+    lines += farm.engine.logs.tiles.text(id, frame_key(n), at).splitlines()
+    return "".join(f"{line}\n" for line in sorted(lines))
 
 
 @router.get("/{n}/workers", response_model=FrameWorkersOut)
@@ -359,21 +370,21 @@ def _picture_request(
         )
     if of_lights and not gains:
         gains = tuple((1.0, 1.0, 1.0) if name == group else (0.0, 0.0, 0.0) for name in groups)
-    wish = PictureRequest(extension, planes, in_layers, lights=len(groups) if of_lights else 0, gains=gains, **look)
-    wish.check()
-    return wish
+    picture = PictureRequest(extension, planes, in_layers, lights=len(groups) if of_lights else 0, gains=gains, **look)
+    picture.check()
+    return picture
 
 
-def _etag(wish: PictureRequest, version: str) -> str:
+def _etag(picture: PictureRequest, version: str) -> str:
     """Returns the ETag of a picture. version: of its samples, and how they are denoised."""
-    look = f"{wish.exposure} {key_of(wish.curve)} {wish.width} {wish.visible} {wish.gains} {wish.gain_map}"
-    key = f"{version} {wish.extension} {wish.planes} {wish.in_layers} {look}"
+    look = f"{picture.exposure} {key_of(picture.curve)} {picture.width} {picture.visible} {picture.gains} {picture.gain_map}"
+    key = f"{version} {picture.extension} {picture.planes} {picture.in_layers} {look}"
     return f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"'
 
 
-def _content_name(wish: PictureRequest) -> str:
+def _content_name(picture: PictureRequest) -> str:
     """Returns the part of a file name that says what a picture shows; empty for the colour."""
-    return "layers" if wish.in_layers else wish.planes[0] if wish.planes else "mix" if wish.gains else ""
+    return "layers" if picture.in_layers else picture.planes[0] if picture.planes else "mix" if picture.gains else ""
 
 
 def _requested_planes(text: str, job: Job) -> tuple[tuple[str, ...], bool]:

@@ -133,11 +133,11 @@ class Link:
                     )
                 )
             return FarmAnswer("", str(data["instance"]), "", bool(data.get("reduces")), True, str(data.get("name_suffix") or ""))
-        told = data["redis_url"]
+        given_url = data["redis_url"]
         try:
-            if not isinstance(told, str):
+            if not isinstance(given_url, str):
                 raise ValueError(Sentence("join-redis-url-type", "the address of Redis is not text"))
-            redis_url = _reachable_redis_url(told, self.service)
+            redis_url = _reachable_redis_url(given_url, self.service)
             check_redis_url(redis_url)
         except ValueError as error:
             raise NotAFarmError(
