@@ -9,6 +9,7 @@ import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
 import { meshOf } from "./preview-mesh.js";
 import { POSTER_SPP, SHARP_SPP, replaces, staysSharp } from "./replacement.js";
+import { SentLights } from "./sent-light.js";
 import { meshPicture } from "./view-pictures.js";
 
 /** @typedef {import("../base/types.js").View} View */
@@ -93,8 +94,9 @@ export class Cover {
     this.latest = "";
     /** What the kept picture shows. */
     this.keptScene = "";
-    /** Light of the latest request. @type {import("../base/types.js").EnvironmentRequest} */
-    this.light = {};
+    /** The latest request. @type {Record<string, any>} */
+    this.request = {};
+    this.lights = new SentLights(scene.id, () => this.relight());
     /** Whether the mesh shows the scene and the light of the latest request. */
     this.isMeshTrue = true;
     /** Runs while the camera has not rested for long. @type {ReturnType<typeof setTimeout> | undefined} */
@@ -154,11 +156,16 @@ export class Cover {
     return !this.mesh.canvas.hidden;
   }
 
+  /** Whether the mesh is shown as the latest request wants it, without a picture that is projected onto it. */
+  get isMeshAlone() {
+    return this.isMeshShown && this.isMeshTrue && !this.hasKept && this.mesh.mesh !== null && !this.isOutdated;
+  }
+
   /** Whether what is shown has a black background, and nothing but what the mesh has is seen: the mesh itself, or a black thumbnail of the scene. */
   get isBlackBehind() {
     const { mesh } = this.mesh;
     if (this.isThumbnailBlack && this.isInstead && !this.isMeshShown) return true;
-    const { color, preset } = this.light;
+    const { color, preset } = this.request["environment"] ?? {};
     return this.isMeshShown && this.isMeshTrue && !this.hasKept && mesh !== null && !mesh.environment && !mesh.isStudio && !color && !preset;
   }
 
@@ -178,6 +185,7 @@ export class Cover {
       const isOver = () => (this.isSampled && !this.isHeld) || this.isDisposed;
       if (isOver() || mesh.mesh === packet) return;
       mesh.setMesh(packet);
+      this.lights.want(packet, this.request);
       await mesh.ready; // what is under it stays meanwhile
       if (isOver()) return;
       this.layMesh();
@@ -204,7 +212,7 @@ export class Cover {
 
   /** Lights the mesh as the latest request chooses. Returns whether it then shows the scene and the light of that request. */
   lightMesh() {
-    const isLit = this.mesh.relight(this.light);
+    const isLit = this.mesh.relight(this.request["environment"] ?? {});
     return !this.first || this.latest === this.first.scene || (isLit && unlit(this.latest) === this.first.unlit);
   }
 
@@ -269,11 +277,25 @@ export class Cover {
     if (scene === this.latest) return;
     const isFirst = !this.latest;
     this.latest = scene;
-    this.light = request["environment"] ?? {};
+    this.request = request;
+    this.lights.want(this.mesh.mesh, request);
     this.isMeshTrue = this.lightMesh();
-    if (isFirst || !this.isInstead || !this.isMeshTrue || !this.mesh.mesh) return;
+    if (!isFirst) this.showLight();
+  }
+
+  /** Shows the mesh in the light of the latest request, if it has it, in place of what has another one. */
+  showLight() {
+    if (!this.isInstead || !this.isMeshTrue || !this.mesh.mesh) return;
     if (this.hasKept) this.unkeep();
     else if (!this.isMeshShown) this.layMesh();
+  }
+
+  /** Takes note that the light of the latest request has arrived. */
+  relight() {
+    if (this.isDisposed || this.isMeshTrue) return;
+    this.isMeshTrue = this.lightMesh();
+    this.showLight();
+    this.laid();
   }
 
   /** Takes note that a picture or draft has arrived. @returns {boolean} whether it is the first one */
@@ -294,7 +316,11 @@ export class Cover {
   loadMesh() {
     const { scene, mesh } = this;
     if (mesh.mesh || !scene.preview || this.isDisposed) return;
-    meshOf(scene.id).then((packet) => this.isDisposed || mesh.mesh || mesh.setMesh(packet), () => {});
+    meshOf(scene.id).then((packet) => {
+      if (this.isDisposed || mesh.mesh) return;
+      mesh.setMesh(packet);
+      this.lights.want(packet, this.request);
+    }, () => {});
   }
 
   /** Shows the canvas, and soon removes what is under it. */
@@ -394,6 +420,7 @@ export class Cover {
   dispose() {
     this.isDisposed = true;
     for (const each of [this.uncovering, this.resting]) clearTimeout(each);
+    this.lights.dispose();
     this.mesh.dispose();
   }
 }

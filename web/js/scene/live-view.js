@@ -19,6 +19,7 @@ import { denoiseView } from "./denoise-view.js";
 import { exposureHand } from "./exposure-hand.js";
 import { frameHand } from "./frame-hand.js";
 import { startOfTake } from "./form-start.js";
+import { meshBrightness } from "./mesh-brightness.js";
 import { takeMesh } from "./mesh-relay.js";
 import { mayBeInView } from "./in-view.js";
 import { people } from "./people.js";
@@ -153,7 +154,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const cover = new Cover(
     scene,
     known ? { url: known, nearest: "", isFinished: true, isSame: true, isClear: true, steps: meanwhile.steps } : { ...meanwhile, isSame: meanwhile.isSame && isDenoised },
-    { surface, canvas, picture, mesh, view: form.view, laid: () => foresee(), willBeDenoised: () => denoise.isOn() && form.request().background !== "transparent" }, // the denoiser makes no alpha
+    { surface, canvas, picture, mesh, view: form.view, laid: () => (foresee(), exposePreview()), willBeDenoised: () => denoise.isOn() && form.request().background !== "transparent" }, // the denoiser makes no alpha
   );
   const hand = exposureHand(() => film.film);
   const aspect = () => (request().width ?? 1) / (request().height ?? 1);
@@ -184,6 +185,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (cover.isBlackBehind) dark.foresee();
   };
 
+  /** Exposes a new light as soon as the mesh shows it. */
+  const exposePreview = () => {
+    if (!hand.awaitsPreview || !cover.isMeshAlone) return;
+    const brightness = meshBrightness(mesh);
+    if (brightness) hand.adaptPreview(brightness);
+  };
+
   /** The latest requests, by their ids. @type {Map<number, Requested>} */
   const requests = new Map();
   /** The latest request as the form and as the service have it. @type {{text: string, sent: string} | undefined} */
@@ -196,7 +204,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let mostPixels = MOST_PIXELS;
   /** Width of the view in CSS pixels. */
   let wide = 0;
-  /** Id of the view whose picture or draft the canvas shows, of the latest one with SHARP_SPP samples per pixel or done, and of the latest one that was clear. */
+  /** Id of the view whose picture or draft the canvas shows, of the latest one with SHARP_SPP samples per pixel, denoised or done, and of the latest one that was clear. */
   let [shownId, settledId, clearId] = /** @type {(number | null)[]} */ ([null, null, null]);
   let lookedAt = -Infinity;
   /** Samples per pixel of the denoised picture in the canvas; 0: it has noise. */
@@ -263,8 +271,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const denoised = found.denoised && shownId === id && pictureId() === id; // a draft of a later view may have replaced the picture
       const isLatest = id === link.id && !link.pending;
       surface.dataset.samples = String(samples);
-      if (done || mean >= SHARP_SPP) settledId = id;
-      if (done && hand.awaitsLight) lookForDarkness(pictureId()); // no further picture comes
+      if (done || denoised || mean >= SHARP_SPP) settledId = id;
+      if ((done || denoised) && hand.awaitsLight) lookForDarkness(pictureId()); // before it is shown, or if no further picture comes
       const spp = denoised ? (found.denoised_samples ?? mean) : mean;
       const denoises = cover.willBeDenoised() && (found.denoises || !mean); // unknown until the view has samples
       cover.judge({ mean, spp, isLast: done && spp >= mean, isDenoised: denoised, isLatest, denoises, share: film.film.width / size.width }, requests.get(id ?? 0));
@@ -316,6 +324,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     cover.follow();
     if (isSeen && cover.isInstead) say(previewWords(false, cover.isOtherLight), false); // the counts were of the view before
     foresee();
+    exposePreview();
     framing.update();
     others.changed();
     saved.changed();

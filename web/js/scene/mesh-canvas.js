@@ -451,9 +451,9 @@ export class MeshCanvas {
     const gl = /** @type {WebGL2RenderingContext} */ (this.gl);
     const { hasFloor } = this;
     if (this.light?.hasFloor === hasFloor && this.light.above === this.above) return this.light;
-    const environment = chosenLight(mesh, this.chosen) ?? null;
+    const { environment, lamps: chosen } = chosenLight(mesh, this.chosen) ?? { environment: null, lamps: mesh.lamps };
     const isBlack = environment === null;
-    const { lamps, around } = lampsOf(mesh.lamps, isBlack);
+    const { lamps, around } = lampsOf(chosen, isBlack);
     const tables = tablesOf(mesh, JSON.stringify(this.chosen), () => environment, { up: this.above, hasFloor, around, isAlone: isBlack });
     if (this.light) gl.deleteTexture(this.light.texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.around);
