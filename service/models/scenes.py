@@ -48,7 +48,7 @@ class PreviewLightOut(BaseModel):
     width: int = Field(description="columns of the environment's texels")
     height: int = Field(description="rows of them; 0: it is black")
     words: str = Field(description="the texels as RGB9E5, little-endian, rows from the top; base64")
-    lamps: list[dict[str, Any]] | None = Field(description="lamps, with the sun of a sky; null: those of the scene itself")
+    lamps: list[dict[str, Any]] = Field(description="lamps, with the sun of a sky")
 
 
 class SceneOut(Coded):

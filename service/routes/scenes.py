@@ -175,7 +175,6 @@ def light(id: str, farm: FarmDependency, chosen: Annotated[PreviewLightIn, Query
 
     404 until then. Its fields may change with each release.
     """
-    find_scene(id, farm)
     found = preview_light(id, chosen.request, farm)
     words = base64.b64encode(found.words).decode()
     return PreviewLightOut(width=found.width, height=found.height, words=words, lamps=found.lamps)

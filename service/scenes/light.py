@@ -15,6 +15,7 @@ from renderer.image import rgbe9995
 from renderer.sentences import Sentence
 from service.errors import NotFound
 from service.farm import Farm
+from service.jobs.lookup import find_scene
 from service.scheduling.artifacts.scene_preparation import Progress
 from service.store.models import Scene
 
@@ -24,12 +25,12 @@ TABLES = Path(__file__).parent.parent / "light_pictures" / "radiance.npz"  # of 
 
 
 class PreviewLight(NamedTuple):
-    """Light of a preview mesh. words: RGB9E5, rows from the top; empty if it is black. lamps: None: those of the scene itself."""
+    """Light of a preview mesh. words: RGB9E5, rows from the top; empty if it is black. lamps: with the sun, if there is one."""
 
     width: int
     height: int
     words: bytes
-    lamps: list[dict[str, Any]] | None
+    lamps: list[dict[str, Any]]
 
 
 def preview_light(scene: str, request: Mapping[str, Any], farm: Farm) -> PreviewLight:
@@ -38,14 +39,16 @@ def preview_light(scene: str, request: Mapping[str, Any], farm: Farm) -> Preview
     Those of presets without a sun are known; others once a worker has read the scene with them, which a view requests. Raises
     NotFound until then.
     """
+    base = find_scene(scene, farm)
     preset = (request.get("environment") or {}).get("preset")
     if preset in _tables():
         radiance = np.repeat(_tables()[preset][..., None], 3, axis=2)
-        return PreviewLight(radiance.shape[1], radiance.shape[0], _bytes_of(radiance), None)
+        return PreviewLight(radiance.shape[1], radiance.shape[0], _bytes_of(radiance), [])
     preparing = farm.engine.snapshot.preparing
     row = farm.lighting.find_row(scene, request)
     ref = None if row is None else current_preview(row, preparing.get(row.id), farm)
-    if ref is None:
+    # Workers of earlier releases kept the preview of the scene's own light.
+    if row is None or ref is None or (row.of is not None and ref == (base.info or {}).get("preview")):
         raise without_preview()
     head, words, lamps = decode_light(farm.blobs.serve(ref["sha256"]).chunks)
     return PreviewLight(head.width, head.height, words, lamps)

@@ -100,7 +100,8 @@ def test_expected_time_is_held_until_a_better_measurement_differs(
 ) -> None:
     body = """
         const shown = a.map(([speed, current, sample_s]) => {
-            const { seconds } = m.expected({ id: "s", measured: sample_s && { sample_s } }, [{ slots: 2, samples_per_s: speed, current }], 5e5, 64);
+            const worker = { slots: 2, samples_per_s: speed, current };
+            const { seconds } = m.expected({ id: "s", measured: sample_s && { sample_s } }, [worker], 5e5, 64);
             return seconds === null ? "" : m.expectedText(seconds);
         });
         return [shown, localStorage.getItem("rayfarm-costs") !== null];"""

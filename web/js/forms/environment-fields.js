@@ -31,7 +31,7 @@ import { t } from "../base/words.js";
 
 /** @type {Light[]} */
 const ALWAYS = [
-  { id: "own", label: t("From the file"), help: t("The light in the file.") },
+  { id: "own", label: t("From file"), help: t("The light in the file.") },
   { id: "color", label: t("One colour"), help: t("The same light from every direction.") },
 ];
 /** In the place of the scene's own. @type {Light} */

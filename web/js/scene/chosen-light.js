@@ -8,10 +8,10 @@ import { studio, unpacked } from "./mesh-environment.js";
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
 /** @typedef {import("../news/mesh-packet.js").Lamp} Lamp */
 
-/** A light as the service sends it. words: RGB9E5, in base64. lamps: null: those of the mesh. @typedef {{width: number, height: number, words: string, lamps: Lamp[] | null}} SentLight */
+/** A light as the service sends it. words: RGB9E5, in base64. lamps: with the sun. @typedef {{width: number, height: number, words: string, lamps: Lamp[]}} SentLight */
 /** The light of a mesh. environment: null: black. @typedef {{environment: Environment | null, lamps: Lamp[]}} MeshLight */
 
-/** The lights that the service has sent, by mesh and keyOf. @type {WeakMap<MeshPacket, Map<string, MeshLight>>} */
+/** The lights that the service has sent, by mesh and keyOf; lamps: those besides the mesh's. @type {WeakMap<MeshPacket, Map<string, MeshLight>>} */
 const sent = new WeakMap();
 
 /** Returns the source of a chosen light as JSON; "": the page has it. @param {EnvironmentRequest} chosen */
@@ -22,13 +22,13 @@ const hasSun = (mesh) => mesh.environment !== null && mesh.lamps.some(({ far }) 
 
 /** Keeps a light for a mesh. @param {MeshPacket} mesh @param {EnvironmentRequest} chosen @param {SentLight} light */
 export function keepLight(mesh, chosen, { width, height, words, lamps }) {
-  if (!lamps && hasSun(mesh)) return; // which of its lamps remain is not known
+  if (hasSun(mesh)) return; // which of its lamps remain is not known
   const bytes = Uint8Array.from(atob(words), (each) => each.charCodeAt(0));
   const view = new DataView(bytes.buffer);
   const texels = new Float32Array(3 * width * height);
   for (let i = 0; i < width * height; i++) texels.set(decode(view.getUint32(4 * i, true)), 3 * i);
   const known = sent.get(mesh) ?? new Map();
-  known.set(keyOf(chosen), { environment: height ? { width, height, texels } : null, lamps: lamps ?? mesh.lamps });
+  known.set(keyOf(chosen), { environment: height ? { width, height, texels } : null, lamps: lamps.filter((lamp) => lamp.far && !isOf(mesh, lamp)) });
   sent.set(mesh, known);
 }
 
@@ -55,8 +55,8 @@ export function chosenLight(mesh, chosen) {
   if (!isComputable(mesh, chosen)) return undefined;
   const { color, strength = 1, rotation = 0 } = chosen;
   const own = () => (mesh.environment ? unpacked(mesh.environment) : mesh.isStudio ? studio() : null);
-  const found = sent.get(mesh)?.get(keyOf(chosen)) ?? { environment: color ? { width: 1, height: 1, texels: Float32Array.from(color) } : own(), lamps: mesh.lamps };
-  return { environment: found.environment && turned(found.environment, rotation, strength), lamps: found.lamps.map((lamp) => (!lamp.far || isOf(mesh, lamp) ? lamp : moved(lamp, rotation, strength))) };
+  const found = sent.get(mesh)?.get(keyOf(chosen)) ?? { environment: color ? { width: 1, height: 1, texels: Float32Array.from(color) } : own(), lamps: [] };
+  return { environment: found.environment && turned(found.environment, rotation, strength), lamps: [...mesh.lamps, ...found.lamps.map((lamp) => moved(lamp, rotation, strength))] };
 }
 
 /** Returns whether a lamp is the mesh's own, not the sun of a chosen sky. @param {MeshPacket} mesh @param {Lamp} lamp */

@@ -11,7 +11,7 @@ import { Film } from "../film/film.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { addPart } from "../shell/layouts.js";
-import { PREPARING, clarity, clarityField, previewWords, progressWords } from "./clarity.js";
+import { PREPARING, clarity, clarityField, previewWords, progressWords, roughWords } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
 import { Cover, projectionOf, sceneOf } from "./cover.js";
 import { darknessNotice } from "./darkness-notice.js";
@@ -32,7 +32,7 @@ import { viewHands } from "./view-hands.js";
 import { ViewLink } from "./view-link.js";
 import { viewMore } from "./view-more.js";
 import { pictureData, pictureUrl } from "./view-pictures.js";
-import { sizeFor, viewRequest } from "./view-request.js";
+import { shapeView, sizeFor, viewRequest } from "./view-request.js";
 import { viewStage } from "./view-stage.js";
 
 /** @typedef {import("../base/types.js").View} View */
@@ -284,10 +284,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       meanwhile.steps.follow(mean, CLEAR_SPP, saidOf(found, "message"), cover.willBeDenoised());
       if (message) say(saidOf(found, "message"));
       else if (bound && (isLatest || cover.isInstead)) {
-        const isPreview = cover.isInstead || (denoised && !spp); // a small picture
+        const isRough = !cover.isInstead && denoised && !spp; // a small picture
         if (counted.id !== id) counted = { id, n: 0 };
-        if (!isPreview) counted.n = Math.max(counted.n, spp); // a denoised picture may have fewer than the noise had before it
-        say(isPreview ? previewWords(done, cover.isInstead && cover.isOtherLight) : clarity(counted.n, noise, done, denoised), done);
+        if (!cover.isInstead) counted.n = Math.max(counted.n, spp); // a denoised picture may have fewer than the noise had before it
+        say(cover.isInstead ? previewWords(done, cover.isOtherLight) : isRough ? roughWords : clarity(counted.n, noise, done, denoised), done);
       }
       state.title = done ? "" : [progressWords(mean, noise), tn(slots, "{n} slot", "{n} slots")].filter(Boolean).join(", ");
     },
@@ -305,7 +305,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const now = request();
     hand.noticeLight(now["environment"]);
     cover.compare(now);
-    frame.style.setProperty("--aspect", String((now.width ?? 1) / (now.height ?? 1)));
+    shapeView(frame, (now.width ?? 1) / (now.height ?? 1));
     const { width, height } = sizeFor(now.width ?? 1, now.height ?? 1, wide, mostPixels);
     const wanted = { ...now, ...clear.request(), ...denoise.request(), width, height, alpha: true };
     const [text, sent] = [JSON.stringify(now), JSON.stringify(wanted)];
