@@ -69,7 +69,7 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     const shot = shotFields(scene, start?.shot ?? null, () => update(), asShot && !start);
     const size = sizeFields({ ...defaults, ...first }, () => update());
     const camera = cameraFields(scene, (projection) => size.suit(projection), () => stand.bounds());
-    const others = settingFields(defaults, first, scene.light_groups ?? [], isLightless(scene));
+    const others = settingFields(defaults, first, scene.light_groups ?? [], isLightless(scene), scene.id);
     const variant = variantField(scene, start?.variant ?? null);
     const stand = standFields(scene, start, (moved) => camera.move(moved(camera.view())));
     if (start?.view) camera.turn(start.view);
