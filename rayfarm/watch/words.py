@@ -78,7 +78,7 @@ def format_count(number: float) -> str:
 
 def _format_estimate(seconds: float) -> str:
     """Returns an estimated duration, rounded as on the page (web/js/news/time-left.js): `about 15 s`."""
-    step, unit, size = next(each for below, *each in ESTIMATES if seconds < below)
+    _, step, unit, size = next(each for each in ESTIMATES if seconds < each[0])
     return f"about {max(round(seconds / step), 1) * step / size:.3g} {unit}"
 
 

@@ -20,7 +20,7 @@ from service.jobs.lookup import find_scene
 from service.models.scenes import PreviewLightIn, PreviewLightOut, SceneOut
 from service.scenes.delete import delete
 from service.scenes.describe import scene_out
-from service.scenes.light import current_preview, preview_light, without_preview
+from service.scenes.light import current_preview, preview_light
 from service.scenes.listing import SceneFilter
 from service.scenes.upload import UploadRequest
 from service.scenes.upload import upload as store
@@ -165,17 +165,19 @@ def preview(id: str, request: Request, farm: FarmDependency) -> Response:
     progress = farm.engine.snapshot.preparing.get(id)
     ref = current_preview(find_scene(id, farm), progress, farm)
     if ref is None:
-        raise without_preview()
+        raise NotFound(Sentence("scene-without-preview", "This scene has no preview yet."))
     return _blob(ref, "application/octet-stream", request, farm)
 
 
-@router.get("/{id}/preview-light", response_model=PreviewLightOut)
-def light(id: str, farm: FarmDependency, chosen: Annotated[PreviewLightIn, Query()]) -> PreviewLightOut:
+@router.get("/{id}/preview-light", response_model=PreviewLightOut | None)
+def light(id: str, farm: FarmDependency, chosen: Annotated[PreviewLightIn, Query()]) -> PreviewLightOut | None:
     """Returns the light of the preview mesh in another environment: of a preset without a sun at once, else once a view needs it.
 
-    404 until then. Its fields may change with each release.
+    null until then. Its fields may change with each release.
     """
     found = preview_light(id, chosen.request, farm)
+    if found is None:
+        return None
     words = base64.b64encode(found.words).decode()
     return PreviewLightOut(width=found.width, height=found.height, words=words, lamps=found.lamps)
 

@@ -12,14 +12,12 @@ import numpy as np
 
 from protocol.mesh import MESH, decode_light
 from renderer.image import rgbe9995
-from renderer.sentences import Sentence
-from service.errors import NotFound
 from service.farm import Farm
 from service.jobs.lookup import find_scene
 from service.scheduling.artifacts.scene_preparation import Progress
 from service.store.models import Scene
 
-__all__ = ["PreviewLight", "current_preview", "preview_light", "without_preview"]
+__all__ = ["PreviewLight", "current_preview", "preview_light"]
 
 TABLES = Path(__file__).parent.parent / "light_pictures" / "radiance.npz"  # of the presets; made by scenes/light_pictures.py
 
@@ -33,11 +31,11 @@ class PreviewLight(NamedTuple):
     lamps: list[dict[str, Any]]
 
 
-def preview_light(scene: str, request: Mapping[str, Any], farm: Farm) -> PreviewLight:
+def preview_light(scene: str, request: Mapping[str, Any], farm: Farm) -> PreviewLight | None:
     """Returns the light of a scene with the request's `environment`, `variant`, `up` and `floor`, neither turned nor scaled.
 
-    Those of presets without a sun are known; others once a worker has read the scene with them, which a view requests. Raises
-    NotFound until then.
+    Those of presets without a sun are known; others once a worker has read the scene with them, which a view requests. None until
+    then.
     """
     base = find_scene(scene, farm)
     preset = (request.get("environment") or {}).get("preset")
@@ -49,7 +47,7 @@ def preview_light(scene: str, request: Mapping[str, Any], farm: Farm) -> Preview
     ref = None if row is None else current_preview(row, preparing.get(row.id), farm)
     # Workers of earlier releases kept the preview of the scene's own light.
     if row is None or ref is None or (row.of is not None and ref == (base.info or {}).get("preview")):
-        raise without_preview()
+        return None
     head, words, lamps = decode_light(farm.blobs.serve(ref["sha256"]).chunks)
     return PreviewLight(head.width, head.height, words, lamps)
 
@@ -67,11 +65,6 @@ def current_preview(scene: Scene, progress: Progress | None, farm: Farm) -> dict
     except ValueError:
         return None
     return ref
-
-
-def without_preview() -> NotFound:
-    """Returns the error that a scene has no preview yet."""
-    return NotFound(Sentence("scene-without-preview", "This scene has no preview yet."))
 
 
 @functools.cache

@@ -454,7 +454,6 @@ export async function fetchMesh(scene, signal) {
 export async function fetchPreviewLight(scene, { environment: { preset, sky, image } = {}, variant, up, floor }, signal) {
   const fields = Object.entries({ preset, ...sky, image, variant, up, floor }).filter(([, value]) => value != null);
   const response = await fetchWithRetries(`api/scenes/${scene}/preview-light?${new URLSearchParams(fields.map(([name, value]) => [name, String(value)]))}`, { signal });
-  if (response.status === 404) return null;
   if (!response.ok) throw errorOf(response.status, await response.text());
   return response.json();
 }
