@@ -13,7 +13,7 @@ import { Viewport } from "../film/viewport.js";
 import { addPart } from "../shell/layouts.js";
 import { PREPARING, clarity, clarityField, previewWords, progressWords, roughWords } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
-import { Cover, projectionOf, sceneOf } from "./cover.js";
+import { Cover } from "./cover.js";
 import { darknessNotice } from "./darkness-notice.js";
 import { denoiseView } from "./denoise-view.js";
 import { exposureHand } from "./exposure-hand.js";
@@ -26,6 +26,8 @@ import { people } from "./people.js";
 import { invisibleWords } from "./scene-notices.js";
 import { LIVE } from "./sides.js";
 import { takes } from "./takes.js";
+import { projectionOf } from "./projection.js";
+import { sceneOf } from "./requested-scene.js";
 import { CLEAR_SPP, SHARP_SPP } from "./replacement.js";
 import { ViewFilm } from "./view-film.js";
 import { viewHands } from "./view-hands.js";
@@ -38,7 +40,7 @@ import { viewStage } from "./view-stage.js";
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").Job} Job */
-/** @typedef {import("./cover.js").Requested} Requested */
+/** @typedef {import("./requested-scene.js").Requested} Requested */
 
 /** Maximum number of pixels rendered, whatever the screen's size; and where graphics cards make drafts. */
 const [MOST_PIXELS, MOST_PIXELS_OF_CARDS] = [1 << 20, 1 << 21];
@@ -173,7 +175,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     isPicking: () => hands.isPicking(),
     mayShow() {
       const box = bounds();
-      return !box || cover.isChanged || mayBeInView(form.view(), aspect(), ...box);
+      return !box || cover.requested.isChanged || mayBeInView(form.view(), aspect(), ...box);
     },
     invisible: () => invisibleWords(scene, bounds() !== null),
     brighten: hand.exposeAuto,
