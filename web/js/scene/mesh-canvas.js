@@ -5,7 +5,7 @@ import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { KeptPicture, fromMiddle } from "./kept-picture.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
 import { chosenLight, isComputable } from "./chosen-light.js";
-import { lampsOf } from "./mesh-lamps.js";
+import { lampsOf, sunsOn } from "./mesh-lamps.js";
 import { isMirror, mirrorTexture } from "./mesh-mirror.js";
 import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
@@ -454,7 +454,7 @@ export class MeshCanvas {
     const { environment, lamps: chosen } = chosenLight(mesh, this.chosen) ?? { environment: null, lamps: mesh.lamps };
     const isBlack = environment === null;
     const { lamps, around } = lampsOf(chosen, isBlack);
-    const tables = tablesOf(mesh, JSON.stringify(this.chosen), () => environment, { up: this.above, hasFloor, around, isAlone: isBlack });
+    const tables = tablesOf(mesh, JSON.stringify(this.chosen), () => environment, { up: this.above, hasFloor, suns: sunsOn(this.above, lamps), around, isAlone: isBlack });
     if (this.light) gl.deleteTexture(this.light.texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.around);
     this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, hasFloor, above: this.above, isBlack };
