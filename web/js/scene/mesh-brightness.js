@@ -34,7 +34,8 @@ export function meshBrightness(mesh) {
     gain *= found.high * gain < LEAST ? STEP : 1 / STEP;
     found = measure(gain);
   }
+  const isAsShown = mesh.look.gain === look.gain && mesh.look.curve === look.curve;
   mesh.look = look;
-  mesh.invalidate();
+  if (!isAsShown) mesh.invalidate();
   return found.high > 0 ? found : null;
 }
