@@ -11,6 +11,7 @@ import { meshOf } from "./preview-mesh.js";
 import { Projection, canKeep } from "./projection.js";
 import { POSTER_SPP, SHARP_SPP, replaces } from "./replacement.js";
 import { RequestedScene, isSameUnlit } from "./requested-scene.js";
+import { keyOf } from "./chosen-light.js";
 import { SentLights } from "./sent-light.js";
 import { meshPicture } from "./view-pictures.js";
 
@@ -135,8 +136,8 @@ export class Cover {
   get isBlackBehind() {
     const { mesh } = this.mesh;
     if (this.isThumbnailBlack && this.isInstead && !this.isMeshShown) return true;
-    const { color, preset } = this.requested.light;
-    return this.isMeshShown && this.isMeshTrue && !this.hasKept && mesh !== null && !mesh.environment && !mesh.isStudio && !color && !preset;
+    const { light } = this.requested;
+    return this.isMeshShown && this.isMeshTrue && !this.hasKept && mesh !== null && !mesh.environment && !mesh.isStudio && !light.color && !keyOf(light);
   }
 
   /** Whether a picture is projected onto the mesh. */
