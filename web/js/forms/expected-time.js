@@ -17,37 +17,36 @@ const KEY = "rayfarm-costs";
 const MOST_SCENES = 100;
 
 /**
- * How good a measurement is. ROUGH: the workers' speeds while they render a view, in short batches, or compile. SPEED: their speeds at
- * other times. PICTURE: by the pictures of the scene.
+ * How good a measurement is. ROUGH: the workers' speeds while they render a view of the scene, in short batches. SPEED: their speeds
+ * after it. PICTURE: by the pictures of the scene.
  */
-export const GRADES = /** @type {const} */ ({ ROUGH: 0, SPEED: 1, PICTURE: 2 });
+const GRADES = /** @type {const} */ ({ ROUGH: 0, SPEED: 1, PICTURE: 2 });
 
 /** Seconds of a slot for a sample of a pixel, and its grade. @typedef {{cost: number, grade: number}} Measurement */
 
-/**
- * Returns the measurement to hold after another one.
- *
- * @param {Measurement | undefined} held
- * @param {Measurement | null} next
- * @returns {Measurement | undefined}
- */
-export function held(held, next) {
-  if (!next) return held;
-  if (!held) return next;
-  const isBetter = next.grade > held.grade || next.grade === GRADES.PICTURE; // a speed may be that of another scene by now
-  if (!isBetter || next.grade < held.grade) return held;
+/** Returns the measurement to hold after another one. @param {Measurement | undefined} held @param {Measurement | null} next @returns {Measurement | undefined} */
+function better(held, next) {
+  if (!next || !held) return next ?? held;
   const ratio = next.cost / held.cost;
+  if (next.grade < held.grade || (next.grade === GRADES.SPEED && held.grade === GRADES.SPEED)) return held; // by now it may be that of another scene
+  if (next.grade === GRADES.ROUGH && ratio > 1) return held; // overhead and other work slow it down
   return ratio > APART || ratio < 1 / APART ? next : { cost: held.cost, grade: next.grade };
 }
 
-/** Returns what a scene's pictures or the workers' speeds tell of it; null: nothing. @param {Scene | undefined} scene @param {Worker[]} workers @returns {Measurement | null} */
+/** The scenes of which a view has been rendered since the page was opened. @type {Set<string>} */
+const viewed = new Set();
+
+/** Returns what a scene's pictures or the workers' speeds tell of it; null: nothing, as before they rendered a view of it. @param {Scene} scene @param {Worker[]} workers @returns {Measurement | null} */
 function measurementOf(scene, workers) {
-  if (scene?.measured) return { cost: scene.measured.sample_s, grade: GRADES.PICTURE };
+  if (scene.measured) return { cost: scene.measured.sample_s, grade: GRADES.PICTURE };
+  const doing = workers.flatMap(({ current }) => current ?? []);
+  const isViewed = doing.some(({ view }) => view !== undefined);
+  if (isViewed) viewed.add(scene.id);
+  const isIdle = doing.every((each) => Object.keys(each).length === 0);
+  if (doing.some(({ compiling }) => compiling) || !(isViewed || (isIdle && viewed.has(scene.id)))) return null;
   const slots = workers.reduce((sum, { slots, samples_per_s: speed }) => sum + (speed > 0 ? slots : 0), 0);
   const speed = workers.reduce((sum, { slots, samples_per_s: speed }) => sum + slots * speed, 0);
-  if (!(speed > 0)) return null;
-  const isRough = workers.some(({ current }) => current?.some(({ view, compiling }) => view !== undefined || compiling));
-  return { cost: slots / speed, grade: isRough ? GRADES.ROUGH : GRADES.SPEED };
+  return speed > 0 ? { cost: slots / speed, grade: isViewed ? GRADES.ROUGH : GRADES.SPEED } : null;
 }
 
 /** The measurements that are held, by scene, also for the next time that the page is opened. @type {Map<string, Measurement>} */
@@ -65,7 +64,7 @@ function stored() {
 /** Returns the seconds of a slot for a sample of a scene; null: unknown. @param {Scene} scene @param {Worker[]} workers */
 function costOf(scene, workers) {
   const before = known.get(scene.id);
-  const next = held(before, measurementOf(scene, workers));
+  const next = better(before, measurementOf(scene, workers));
   if (next && (next.cost !== before?.cost || next.grade !== before.grade)) {
     known.delete(scene.id); // the latest one last
     known.set(scene.id, next);
