@@ -16,37 +16,31 @@ const APART = 1.5;
 const KEY = "rayfarm-costs";
 const MOST_SCENES = 100;
 
-/**
- * How good a measurement is. ROUGH: the workers' speeds while they render a view of the scene, in short batches. SPEED: their speeds
- * after it. PICTURE: by the pictures of the scene.
- */
-const GRADES = /** @type {const} */ ({ ROUGH: 0, SPEED: 1, PICTURE: 2 });
-
-/** Seconds of a slot for a sample of a pixel, and its grade. @typedef {{cost: number, grade: number}} Measurement */
+/** Seconds of a slot for a sample of a pixel. isFinal: by the scene's pictures, else by a view of it. @typedef {{cost: number, isFinal: boolean}} Measurement */
 
 /** Returns the measurement to hold after another one. @param {Measurement | undefined} held @param {Measurement | null} next @returns {Measurement | undefined} */
 function better(held, next) {
   if (!next || !held) return next ?? held;
+  if (!next.isFinal && (held.isFinal || next.cost > held.cost)) return held; // short batches and other work only slow a view down
   const ratio = next.cost / held.cost;
-  if (next.grade < held.grade || (next.grade === GRADES.SPEED && held.grade === GRADES.SPEED)) return held; // by now it may be that of another scene
-  if (next.grade === GRADES.ROUGH && ratio > 1) return held; // overhead and other work slow it down
-  return ratio > APART || ratio < 1 / APART ? next : { cost: held.cost, grade: next.grade };
+  return ratio > APART || ratio < 1 / APART ? next : { cost: held.cost, isFinal: next.isFinal };
 }
 
-/** The scenes of which a view has been rendered since the page was opened. @type {Set<string>} */
-const viewed = new Set();
-
-/** Returns what a scene's pictures or the workers' speeds tell of it; null: nothing, as before they rendered a view of it. @param {Scene} scene @param {Worker[]} workers @returns {Measurement | null} */
+/**
+ * Returns what a scene's pictures tell of its cost, or the workers' speeds while they render a view; null: nothing, as while they
+ * compile. At other times the speeds are those of any scene.
+ *
+ * @param {Scene} scene
+ * @param {Worker[]} workers
+ * @returns {Measurement | null}
+ */
 function measurementOf(scene, workers) {
-  if (scene.measured) return { cost: scene.measured.sample_s, grade: GRADES.PICTURE };
+  if (scene.measured) return { cost: scene.measured.sample_s, isFinal: true };
   const doing = workers.flatMap(({ current }) => current ?? []);
-  const isViewed = doing.some(({ view }) => view !== undefined);
-  if (isViewed) viewed.add(scene.id);
-  const isIdle = doing.every((each) => Object.keys(each).length === 0);
-  if (doing.some(({ compiling }) => compiling) || !(isViewed || (isIdle && viewed.has(scene.id)))) return null;
+  if (doing.some(({ compiling }) => compiling) || !doing.some(({ view }) => view !== undefined)) return null;
   const slots = workers.reduce((sum, { slots, samples_per_s: speed }) => sum + (speed > 0 ? slots : 0), 0);
   const speed = workers.reduce((sum, { slots, samples_per_s: speed }) => sum + slots * speed, 0);
-  return speed > 0 ? { cost: slots / speed, grade: isViewed ? GRADES.ROUGH : GRADES.SPEED } : null;
+  return speed > 0 ? { cost: slots / speed, isFinal: false } : null;
 }
 
 /** The measurements that are held, by scene, also for the next time that the page is opened. @type {Map<string, Measurement>} */
@@ -65,7 +59,7 @@ function stored() {
 function costOf(scene, workers) {
   const before = known.get(scene.id);
   const next = better(before, measurementOf(scene, workers));
-  if (next && (next.cost !== before?.cost || next.grade !== before.grade)) {
+  if (next && (next.cost !== before?.cost || next.isFinal !== before.isFinal)) {
     known.delete(scene.id); // the latest one last
     known.set(scene.id, next);
     try {
