@@ -453,5 +453,20 @@ export async function fetchMesh(scene, signal) {
   return readMesh(/** @type {ReadableStream<Uint8Array>} */ (response.body));
 }
 
+/**
+ * Fetches the light of a scene's preview mesh in another environment; null: the service does not have it yet.
+ *
+ * @param {string} scene
+ * @param {Record<string, any>} request a view's
+ * @param {AbortSignal} signal
+ * @returns {Promise<import("../scene/chosen-light.js").SentLight | null>}
+ */
+export async function fetchPreviewLight(scene, { environment: { preset, sky, image } = {}, variant, up, floor }, signal) {
+  const fields = Object.entries({ preset, ...sky, image, variant, up, floor }).filter(([, value]) => value != null);
+  const response = await fetchWithRetries(`api/scenes/${scene}/preview-light?${new URLSearchParams(fields.map(([name, value]) => [name, String(value)]))}`, { signal });
+  if (!response.ok) throw errorOf(response.status, await response.text());
+  return response.json();
+}
+
 /** @param {Response} response */
 const samplesOf = (response) => Number(response.headers.get("X-Samples"));
