@@ -223,6 +223,11 @@ export class PictureSide {
     return Math.max(1, Math.floor(this.madeOf / (film.width * film.height)));
   }
 
+  /** Whether the job has finished, and the denoised picture of all its samples is still to replace an older one. */
+  isFinishing() {
+    return this.live.finished && !this.state.value.error && this.previewSpp() !== null;
+  }
+
   /** Leaves a picture's poster, whose noise is not visible, in the place of a film that is not here yet, until it is denoised. */
   holdPoster() {
     const { film, hasPoster } = this.live;

@@ -9,7 +9,7 @@ import { h, setText } from "../base/dom.js";
 import { LiveFilm } from "./live-film.js";
 import { mixPixel } from "./light-mix.js";
 import { count, radiance } from "../base/format.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("./picture-side.js").PictureSide} PictureSide */
 
@@ -120,7 +120,7 @@ export class PixelReadout {
       setText(value, texts[i] ?? "");
     });
     const { live } = this.side;
-    setText(this.samples, live.hasSamples !== false ? t("{n} spp", { n: count(samples) }) : "");
+    setText(this.samples, live.hasSamples !== false ? tn(samples, "{n} sample", "{n} samples", { n: count(samples) }) : "");
     this.line.classList.toggle("exact", exact);
     this.line.title = exact ? t("Exact values of the film, linear Rec.709") : t("Values of the live picture, accurate to 0.2 %");
   }

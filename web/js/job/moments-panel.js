@@ -81,7 +81,7 @@ export function momentsPanel(job, picture, display, life) {
     else said.removeAttribute("title");
     links.hidden = !snapshot;
     tag.hidden = !snapshot;
-    setText(tag, snapshot ? t("{n} spp", { n: count(snapshot.spp) }) : "");
+    setText(tag, snapshot ? tn(snapshot.spp, "{n} sample", "{n} samples", { n: count(snapshot.spp) }) : "");
     if (!snapshot) {
       picture.side()?.play(null);
       return;

@@ -139,7 +139,7 @@ function open(page, job, life) {
   const notes = notesPanel(() => latest, picture, life, { open: () => tabs.show("notes"), begin: () => tools.release(), goTo: (frame) => shot?.goTo(frame) });
   const histogram = histogramPanel(picture.live, display, life);
   picture.tools.append(tools.element);
-  const putAway = { keys: "Escape", does: t("Leave the tool; close the explanation"), run: () => (explained.close(), tools.release()) };
+  const putAway = { keys: "Escape", does: t("Leave the tool; close the paths"), run: () => (explained.close(), tools.release()) };
   const chip = stateChip(job.state);
   const judged = verdictChip();
   const line = progressBar(t("Progress"));
