@@ -44,6 +44,7 @@ def test_pixel_explanation_is_drawn_over_picture(farm: Farm, finished: str, watc
     open_job(page, farm, finished, f"?pins={x},{y}")
     panel = page.get_by_role("region", name="Paths of a pixel")
     page.get_by_role("button", name=f"Show the paths of pixel {x}, {y}").click()
+    expect(page.get_by_role("tab", name="Paths")).to_have_attribute("aria-selected", "true")
     expect(panel.get_by_role("heading")).to_have_text(f"Paths of pixel {x}, {y}")
     expect(panel).to_contain_text("Their sum equals the picture exactly.")
     expect(panel.get_by_role("radio")).to_have_count(len(told["paths"]))
@@ -66,6 +67,8 @@ def test_pixel_explanation_is_drawn_over_picture(farm: Farm, finished: str, watc
     page.locator("h1").click()
     page.keyboard.press("Escape")
     expect(panel).to_be_hidden()
+    expect(page.get_by_role("tab", name="Paths")).to_be_hidden()
+    expect(page.get_by_role("tab", name="View")).to_have_attribute("aria-selected", "true")
     assert over.evaluate(drawn) < with_path, "what was drawn is gone"
     page.get_by_role("button", name="Inspect pixels", exact=True).click()
     page.get_by_role("button", name="Show a pixel's paths", exact=True).click()

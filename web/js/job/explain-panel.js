@@ -54,8 +54,9 @@ const FEW = 16;
  * @param {import("../base/store.js").Disposer} life
  * @param {{around: (sample: number) => {without: number | null, with: number | null}, goTo: (spp: number | null) => void} | null} moments
  *   the picture's sample history, if it has one
+ * @param {(isShown: boolean) => void} opened called when it is shown, also for another pixel, and when it is closed
  */
-export function explainPanel(picture, life, moments) {
+export function explainPanel(picture, life, moments, opened) {
   const { view, live } = picture;
   const title = h("h2", null, t("Paths of a pixel"));
   const shut = h("button", { class: "icon-button", type: "button", "aria-label": t("Close the paths"), title: t("Close (Escape)"), onclick: () => close() }, icon("close"));
@@ -78,6 +79,7 @@ export function explainPanel(picture, life, moments) {
     const hadFocus = element.contains(document.activeElement);
     pixel = shown = null;
     element.hidden = true;
+    opened(false);
     draw();
     if (hadFocus) button.focus();
   };
@@ -87,6 +89,7 @@ export function explainPanel(picture, life, moments) {
     const { signal } = (asking = new AbortController());
     pixel = at;
     element.hidden = false;
+    opened(true);
     setText(title, t("Paths of pixel {x}, {y}", { x: at.x, y: at.y }));
     if (sample === null) {
       shown = null;
@@ -189,7 +192,7 @@ function shareOf({ samples, mean }, path) {
 /** @param {Explained} found @returns {string} */
 function verdict({ samples, mean, equals_film: equals, worker }) {
   if (!samples) return t("The pixel has no samples yet; its first one is shown.");
-  const said = t("{n} samples followed again by {worker}; their mean is {mean}.", { n: count(samples), worker: worker ?? "?", mean: listed(mean) });
+  const said = t("{n} samples followed again by {worker}; their mean, not denoised, is {mean}.", { n: count(samples), worker: worker ?? "?", mean: listed(mean) });
   return `${said} ${equals === true ? t("Their sum equals the picture exactly.") : equals === false ? t("Their sum differs from the picture: the picture or the scene has changed.") : ""}`;
 }
 
