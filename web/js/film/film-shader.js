@@ -13,7 +13,7 @@ export const PARTS = [
   { name: "g", label: "G", hint: t("Green alone, as grey") },
   { name: "b", label: "B", hint: t("Blue alone, as grey") },
   { name: "y", label: t("Luminance"), hint: t("Luminance, as grey") },
-  { name: "false", label: t("Heat map"), hint: t("Luminance in false colour: a colour for every stop") },
+  { name: "false", label: t("False colour"), hint: t("Luminance in false colour: a colour for every stop") },
 ];
 
 /** @param {string} name @returns {number} */

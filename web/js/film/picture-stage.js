@@ -109,7 +109,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
       const tag = /** @type {HTMLElement} */ (tags[i]);
       const spp = side?.previewSpp() ?? null;
       if (side?.showsEarlier()) setText(tag, t("Earlier picture, until this one is as clear"));
-      else if (side?.showsRawMix()) setText(tag, `${t("Light mix")}${waiting ? " …" : ""}`);
+      else if (side?.showsRawMix()) setText(tag, waiting && side.live.finished ? t("Light mix, denoising …") : `${t("Light mix")}${waiting ? " …" : ""}`);
       else if (side?.showsStart()) setText(tag, t("Preview"));
       else if (side?.showsNoise() && side.toldSpp && !given && !error) setText(tag, tn(side.toldSpp, "{n} sample, not denoised yet", "{n} samples, not denoised yet"));
       else if (side?.awaitsDenoised() && !given) setText(tag, waiting ? t("Denoising …") : t("Raw"));
