@@ -73,7 +73,7 @@ FINISHING = """
     film.put({ x: 0, y: 0, w: 4, h: 2, spp: 64, words: new Uint32Array(8) });
     const state = { value: { channel: "denoised", error: a.failed ? new Error("503") : null } };
     const live = { film, isRendering: a.rendering ?? false, finished: !a.rendering };
-    const side = Object.assign(Object.create(m.PictureSide.prototype), { live, state, fetched: {}, madeOf: 8 * a.spp });
+    const side = Object.assign(Object.create(m.PictureSide.prototype), { live, state, fetched: {}, madeOf: 8 * a.spp, isPreview: a.preview ?? true });
     return [side.previewSpp(), side.isFinishing()];"""
 
 
@@ -84,7 +84,8 @@ def test_finished_job_says_that_its_denoised_picture_is_to_come(node: Node) -> N
     assert said(spp=29, rendering=True) == [29, False]
     assert said(spp=29) == [29, True]
     assert said(spp=29, failed=True) == [29, False], "nothing better comes"
-    assert said(spp=64) == [None, False]
+    assert said(spp=64) == [None, True], "a preview of all samples is not the last picture"
+    assert said(spp=64, preview=False) == [None, False]
 
 
 FAILS = """

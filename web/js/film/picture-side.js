@@ -223,9 +223,11 @@ export class PictureSide {
     return Math.max(1, Math.floor(this.madeOf / (film.width * film.height)));
   }
 
-  /** Whether the job has finished, and the denoised picture of all its samples is still to replace an older one. */
+  /** Whether the job has finished, and its last denoised picture is still to replace a preview or an older one. */
   isFinishing() {
-    return this.live.finished && !this.state.value.error && this.previewSpp() !== null;
+    const { channel, error } = this.state.value;
+    if (channel !== DENOISED || !this.fetched || !this.live.finished || error) return false;
+    return this.isPreview || this.previewSpp() !== null;
   }
 
   /** Leaves a picture's poster, whose noise is not visible, in the place of a film that is not here yet, until it is denoised. */
