@@ -73,7 +73,8 @@ FINISHING = """
     film.put({ x: 0, y: 0, w: 4, h: 2, spp: 64, words: new Uint32Array(8) });
     const state = { value: { channel: "denoised", error: a.failed ? new Error("503") : null } };
     const live = { film, isRendering: a.rendering ?? false, finished: !a.rendering };
-    const side = Object.assign(Object.create(m.PictureSide.prototype), { live, state, fetched: {}, madeOf: 8 * a.spp, isPreview: a.preview ?? true });
+    const shown = { fetched: {}, madeOf: 8 * a.spp, isPreview: a.preview ?? true };
+    const side = Object.assign(Object.create(m.PictureSide.prototype), { live, state, ...shown });
     return [side.previewSpp(), side.isFinishing()];"""
 
 
