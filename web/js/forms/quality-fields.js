@@ -51,7 +51,7 @@ export function qualityFields(defaults, changed, expect) {
     for (const { spp: preset, costs, element } of choices) {
       const samples = preset ?? get();
       const { seconds, noise } = expect(samples);
-      setText(costs, seconds === null ? t("{n} samples", { n: samples }) : timeLimit(ranges(`${samples}`, seconds)[1]));
+      setText(costs, seconds === null ? String(samples) : timeLimit(ranges(`${samples}`, seconds)[1]));
       element.title = [t("{n} samples", { n: samples }), noise === null ? "" : t("{noise} noise", { noise: noiseText(noise) })].filter(Boolean).join(" · ");
     }
     setText(quality.aside, t("{n} samples", { n: get() }));
