@@ -60,6 +60,7 @@ def test_preview_mesh_is_shown_until_samples_arrive(farm: Farm, watched: Watched
     page.mouse.move(box["x"] + 220, box["y"] + 120, steps=4)
     page.mouse.up()
     wait_until(lambda: np.abs(live_view_pixels(page) - first).mean() > 2, 20, "the mesh turns")
+    wait_until(lambda: mesh.evaluate("canvas => canvas.width === canvas.clientWidth"), 20, "sharp at rest, where frames are slow")
 
     page.get_by_role("link", name="Jobs").first.click()
     expect(page.locator("main")).to_have_attribute("aria-busy", "true")
@@ -104,7 +105,7 @@ DRAW_CUBE = """async ([obj, points, isRefined]) => {
   mesh.setMesh({ ...packet, textures: [] });
   mesh.setView(view);
   mesh.draw();
-  while (isRefined && mesh.isRefining) {
+  while (isRefined && (mesh.settling !== undefined || mesh.isRefining)) {
     mesh.refine();
     await new Promise(requestAnimationFrame);
   }

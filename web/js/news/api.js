@@ -239,8 +239,18 @@ export const getWorkerLog = (name) => call("GET", `/workers/${encodeURIComponent
 /** @returns {Promise<import("../base/types.js").Joining>} */
 export const getJoining = () => call("GET", "/joining");
 
-/** @returns {Promise<Info>} */
-export const getInfo = () => call("GET", "/info");
+/** @type {Promise<Info> | null} */
+let info = null;
+
+/** Fetches what the service accepts, which may be another release after an interruption. @returns {Promise<Info>} */
+export function renewInfo() {
+  const asked = (info = call("GET", "/info"));
+  asked.catch(() => info === asked && (info = null));
+  return asked;
+}
+
+/** Returns what the service accepts, as it was fetched last. @returns {Promise<Info>} */
+export const getInfo = () => info ?? renewInfo();
 
 /** @returns {Promise<Example[]>} */
 export const getExamples = () => call("GET", "/examples");
