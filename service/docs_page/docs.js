@@ -128,6 +128,13 @@ try {
   if (!answer.ok) throw new Error(`the service answers ${answer.status}`);
   const sections = page(await answer.json());
   main.replaceChildren(...sections);
+  // The first one is open, as an example of what an entry has.
+  const first = location.hash ? null : main.querySelector("details");
+  if (first) {
+    first.open = true;
+    first.classList.add("example");
+    first.querySelector(".fields").tabIndex = 0; // it scrolls
+  }
   document.querySelector(".sections").replaceChildren(...sections.map((each) => h("a", { href: `#${each.id}` }, each.querySelector("h2").textContent)));
 } catch (error) {
   main.replaceChildren(h("p", null, `The description of the API cannot be loaded: ${error.message}. Reload the page.`));

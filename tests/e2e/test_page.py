@@ -102,7 +102,7 @@ def test_dropped_file_is_rendered_and_pixels_equal_film(farm: Farm, watched: Wat
     shown = [float(v) for v in readout.locator(".value").all_inner_texts()]
     np.testing.assert_allclose(shown, film[HEIGHT // 2, WIDTH // 2], rtol=1e-3, atol=1e-4)
     pixel = httpx.get(f"{image.removesuffix('image')}pixel?x={WIDTH // 2}&y={HEIGHT // 2}").raise_for_status().json()
-    expect(readout).to_contain_text(f"{pixel['samples']:,} spp")
+    expect(readout).to_contain_text(f"{pixel['samples']:,} samples")
 
     # So do the values of planes, each of which shows another picture than the light.
     light = stage.screenshot()

@@ -150,7 +150,7 @@ def test_comparison_lists_differences_of_settings(page: Page) -> None:
         ("Integrator", "Path tracing", "Ambient occlusion"),
         ("Seed", "0", "7"),
         ("Sparkle", "dull", "1.235"),
-        ("Samples per pixel", "64 spp", "noise 2.5 %"),
+        ("Samples per pixel", "64 samples", "noise 2.5 %"),
         ("Camera position", "x\u00a00, y\u00a00, z\u00a05", "x\u00a00.1, y\u00a00, z\u00a05"),
         ("Focus distance", "the target's", "2"),
     ]
@@ -204,7 +204,7 @@ def test_comparison_lists_differences_of_scene_versions(page: Page) -> None:
 @pytest.mark.long
 def test_job_goal_is_shown_instead_of_sample_limit(page: Page) -> None:
     ends = {
-        "512 spp": {"spp": 512, "noise": None, "seconds": None},
+        "512 samples": {"spp": 512, "noise": None, "seconds": None},
         "noise 7 %": {"spp": 16384, "noise": 0.07, "seconds": None},
         "2.5 s": {"spp": 1 << 20, "noise": None, "seconds": 2.5},
         "": {"spp": None},

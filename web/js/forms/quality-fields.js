@@ -51,7 +51,7 @@ export function qualityFields(defaults, changed, expect) {
     for (const { spp: preset, costs, element } of choices) {
       const samples = preset ?? get();
       const { seconds, noise } = expect(samples);
-      setText(costs, seconds === null ? t("{n} spp", { n: samples }) : t("~{time}", { time: expectedText(seconds) }));
+      setText(costs, seconds === null ? String(samples) : t("~{time}", { time: expectedText(seconds) }));
       element.title = [t("{n} samples", { n: samples }), noise === null ? "" : t("{noise} noise", { noise: noiseText(noise) })].filter(Boolean).join(" · ");
     }
     setText(quality.aside, t("{n} samples", { n: get() }));
