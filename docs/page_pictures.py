@@ -226,7 +226,7 @@ def _takes(chromium: Browser, server: str, folder: Path) -> None:
     view = page.locator(".live-view[data-view]")
     view.wait_for()
     for name, author, light, key in (
-        ("Wide", "Anna", "From the file", ""),
+        ("Wide", "Anna", "From file", ""),
         ("Grey day", "Ben", "Overcast", "ArrowRight"),
         ("From above", "Anna", "Studio", "ArrowDown"),
     ):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from protocol.layout import U16, U32, Layout
 from renderer.image import rgbe9995
 from renderer.preview_mesh import PreviewLamp, PreviewMaterial, PreviewMesh, PreviewPart, PreviewTexture
 
-__all__ = ["MESH", "MeshHead", "decode_mesh", "encode_mesh"]
+__all__ = ["MESH", "MeshHead", "decode_light", "decode_mesh", "encode_mesh"]
 
 STEPS = (1 << 16) - 1  # of a coordinate between the bounds
 BOUNDS = 6  # f64
@@ -69,8 +70,7 @@ def decode_mesh(packet: bytes) -> PreviewMesh:
     """Decodes a mesh packet. Raises ValueError if it is malformed."""
     head = MESH.unpack(packet)
     count, texels = head.vertices, head.width * head.height
-    sizes = (8 * BOUNDS, 8 * count, 4 * count, 4 * count, 8 * head.uvs, 12 * head.triangles, 4 * texels, head.described)
-    at = MESH.size + np.cumsum([0, *sizes])
+    at = _offsets(head)
     if len(packet) < at[-1]:
         raise ValueError(f"a mesh of {count} vertices and {head.triangles} triangles has {len(packet)} bytes")
     low, high = np.frombuffer(packet, "<f8", BOUNDS, at[0]).reshape(2, 3)
@@ -100,6 +100,33 @@ def decode_mesh(packet: bytes) -> PreviewMesh:
         rgbe9995.unpack(words) if head.height else None,
         bool(head.studio),
     )
+
+
+def decode_light(chunks: Iterable[bytes]) -> tuple[MeshHead, bytes, list[dict[str, Any]]]:
+    """Returns the head of a mesh packet, the words of its environment and its lamps. Raises ValueError if it is malformed.
+
+    chunks: the packet, which is read up to its textures. lamps: the fields of PreviewLamp.
+    """
+    packet = bytearray()
+    end = MESH.size
+    for chunk in chunks:
+        packet += chunk
+        if end == MESH.size <= len(packet):
+            end = int(_offsets(MESH.unpack(bytes(packet[:end])))[-1])
+        if len(packet) >= end > MESH.size:
+            break
+    head = MESH.unpack(bytes(packet[: MESH.size]))
+    *_, texels, described, end = map(int, _offsets(head))
+    if len(packet) < end:
+        raise ValueError(f"a mesh of {end} bytes and textures has {len(packet)} bytes")
+    return head, bytes(packet[texels:described]), json.loads(packet[described:end])["lamps"]
+
+
+def _offsets(head: MeshHead) -> npt.NDArray[np.int64]:
+    """Returns the offsets of a packet's sections, and of its textures."""
+    count, texels = head.vertices, head.width * head.height
+    sizes = (8 * BOUNDS, 8 * count, 4 * count, 4 * count, 8 * head.uvs, 12 * head.triangles, 4 * texels, head.described)
+    return MESH.size + np.cumsum([0, *sizes])
 
 
 def _described(mesh: PreviewMesh) -> dict[str, Any]:

@@ -155,9 +155,9 @@ class Client:
             farm.upload({"spot.obj": here / "spot.obj", "textures/spot.png": here / "spot.png"}, main="spot.obj")
         """
         named = by_name(files)
-        told = {"main": main, "environment": environment, "name": name, "strict": "true" if strict else None}
-        told |= {"up": up, "floor": floor}
-        fields = {key: value for key, value in told.items() if value}
+        given = {"main": main, "environment": environment, "name": name, "strict": "true" if strict else None}
+        given |= {"up": up, "floor": floor}
+        fields = {key: value for key, value in given.items() if value}
         with contextlib.ExitStack() as stack:
             try:
                 parts = [("files", (inside, stack.enter_context(path.open("rb")))) for inside, path in named.items()]
@@ -276,7 +276,7 @@ class Client:
         """
         answer = self._send("GET", f"/api/jobs/{_id(job)}/movie.{format}", limit=MAX_PICTURE, params=query, timeout=LONG_TIMEOUT)
         if FRAMES_HEADER not in answer.headers:
-            raise NotAFarm(not_a_farm(self.url, "what it sends is no film of a farm"))
+            raise NotAFarm(not_a_farm(self.url, "what it sends is not a film of a farm"))
         return answer.body
 
     def image(self, job: str, format: str = "png", frame: float = 0, **query: Any) -> bytes:
@@ -288,7 +288,7 @@ class Client:
         waits = {"timeout": LONG_TIMEOUT} if query.get("denoise") else {}
         answer = self._send("GET", path, limit=MAX_PICTURE, params=query, **waits)
         if SAMPLES_HEADER not in answer.headers:
-            raise NotAFarm(not_a_farm(self.url, "what it sends is no picture of a farm"))
+            raise NotAFarm(not_a_farm(self.url, "what it sends is not a picture of a farm"))
         return answer.body
 
     def deep_image(self, job: str, frame: float = 0) -> bytes:
@@ -299,7 +299,7 @@ class Client:
         path = f"/api/jobs/{_id(job)}/frames/{frame_text(frame)}/deep.exr"
         answer = self._send("GET", path, limit=MAX_PICTURE, timeout=LONG_TIMEOUT)
         if SAMPLES_HEADER not in answer.headers:
-            raise NotAFarm(not_a_farm(self.url, "what it sends is no picture of a farm"))
+            raise NotAFarm(not_a_farm(self.url, "what it sends is not a picture of a farm"))
         return answer.body
 
     def digest(self, job: str, frame: float = 0) -> str:
@@ -346,7 +346,7 @@ class Client:
         from websockets.exceptions import InvalidHandshake, InvalidStatus, InvalidURI
         from websockets.sync.client import connect
 
-        headers = {"Authorization": told} if (told := self._http.headers.get("Authorization")) else None
+        headers = {"Authorization": authorization} if (authorization := self._http.headers.get("Authorization")) else None
         secure = self._verify if self.url.startswith("https") and not isinstance(self._verify, bool) else None
         try:
             return connect(

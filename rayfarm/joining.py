@@ -34,7 +34,7 @@ def farm_address(join: str) -> str:
 def token_to_send(subject: str, token: str, token_file: Path | None) -> str:
     """Returns the token to send to the farm. subject: the subject of the error message. Raises CommandError without a token."""
     if token:
-        err.print("rayfarm: everybody on this machine can read --token. Better: RAYFARM_TOKEN, or --token-file.")
+        err.print("rayfarm: everyone on this machine can read --token. Better: RAYFARM_TOKEN, or --token-file.")
     elif token_file is not None:
         try:
             token = token_file.expanduser().read_text().strip()

@@ -28,7 +28,7 @@ def farm_client(server: str | None) -> Client:
     """Returns a client of the farm that a command uses.
 
     Its token is $RAYFARM_API_TOKEN. If that is unset and the farm runs on this machine's data folder, it is the owner's token,
-    since whoever can read that folder owns the farm.
+    since anyone who can read that folder owns the farm.
     """
     from rayfarm.local.state import running_farm
     from service.locations import default_data_folder

@@ -61,8 +61,8 @@ Denoise = Annotated[
     bool,
     typer.Option(
         "--denoise",
-        help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one. On a farm's page, shots "
-        "with this option are shown denoised; stills always, if a worker can denoise.",
+        help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one. On a farm's page, submitted "
+        "shots with this option are shown denoised; submitted stills always, if a worker can denoise.",
         rich_help_panel="What is written",
     ),
 ]

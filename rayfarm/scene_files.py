@@ -160,7 +160,7 @@ def relative_to_root(scene: Path, root: Path) -> str:
     try:
         return scene.resolve().relative_to(root.resolve()).as_posix()
     except ValueError:
-        raise CommandError(f"--root is {root}, which is no folder above {scene}.") from None
+        raise CommandError(f"--root is {root}, which is not a folder above {scene}.") from None
 
 
 def files_to_upload(scene: Path, root: Path | None = None) -> dict[str, Path]:

@@ -67,19 +67,19 @@ def render_sequence(shot: Sequence, stage: ConfinedScene, order: PictureOrder) -
         err.print(f"{kept} of {len(shot.frames)} frames are there and kept; --overwrite renders them again", markup=False)
     failed: dict[float, str] = {}
     statistic: list[dict[str, Any]] = []
-    told: set[str] = set()
+    reported_errors: set[str] = set()
     steadying = TemporalDenoiser(shot.frames if order.denoise and order.tile is None else (), missing)
     todo = steadying.plan if order.denoise else missing
 
     def record_failure(frame: float, error: Exception) -> None:
         failed[frame] = str(error) or "the memory is full"
-        progress.fail(frame, "" if failed[frame] in told else f": {failed[frame]}")
-        told.add(failed[frame])
+        progress.fail(frame, "" if failed[frame] in reported_errors else f": {failed[frame]}")
+        reported_errors.add(failed[frame])
 
     with _Progress(len(todo)) as progress:
         for frame in todo:
             try:
-                found = _render(shot, stage, order, frame, progress.begin(frame), told, steadying)
+                found = _render(shot, stage, order, frame, progress.begin(frame), reported_errors, steadying)
                 if frame in steadying.missing:
                     statistic.append(found)
                 progress.finish(str(shot.file(frame)))

@@ -1,4 +1,4 @@
-"""Renders the thumbnails of the light presets: python -m scenes.light_pictures"""
+"""Renders the thumbnails of the light presets, and their radiance for previews: python -m scenes.light_pictures"""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ import numpy as np
 from renderer.image import encode
 from renderer.presets import PRESETS
 from renderer.scene.description import Environment, SceneDescription, Sky
-from renderer.scene.presets import light_by_name
+from renderer.scene.presets import light_by_name, preset_image
 from renderer.scene.sky import image_of_sky, sun_of_sky
 from worker.reading.environments import small_picture
 
 FOLDER = Path(__file__).parent.parent / "service" / "light_pictures"
 WIDTH = 160
+RADIANCE = FOLDER / "radiance.npz"
+ROWS = 64  # of its tables, as of a preview mesh
 
 
 def radiance(name: str) -> np.ndarray:
@@ -45,9 +47,17 @@ def _with_sun(sky: Sky) -> np.ndarray:
     return pixels
 
 
+def table(name: str) -> np.ndarray:
+    """Returns the radiance of a preset that is no sky, which is grey: (64, 128) float16."""
+    image = preset_image(name)[..., 0]
+    step = len(image) // ROWS
+    return image.reshape(ROWS, step, 2 * ROWS, step).mean((1, 3)).astype(np.float16)
+
+
 def make() -> None:
-    """Writes all thumbnails."""
+    """Writes all thumbnails and the tables."""
     FOLDER.mkdir(exist_ok=True)
+    np.savez_compressed(RADIANCE, **{name: table(name) for name, preset in PRESETS.items() if preset.sky is None})
     for name in PRESETS:
         encode.write(FOLDER / f"{name}.jpg", small_picture(radiance(name), WIDTH))
 

@@ -43,14 +43,14 @@ def serve(arguments: Sequence[str]) -> None:
     where = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     where.add_argument("--host", default=os.environ.get("RAYFARM_HOST") or HOST)
     where.add_argument("--port", default=os.environ.get("RAYFARM_PORT") or PORT)
-    told, others = where.parse_known_args(arguments)
-    os.environ |= {"RAYFARM_HOST": told.host, "RAYFARM_PORT": told.port}
+    address, others = where.parse_known_args(arguments)
+    os.environ |= {"RAYFARM_HOST": address.host, "RAYFARM_PORT": address.port}
     if "FORWARDED_ALLOW_IPS" in os.environ:
         log.warning("FORWARDED_ALLOW_IPS is not read. Set RAYFARM_TRUSTED_PROXIES to the addresses of your proxies.")
     logging.getLogger("uvicorn.access").addFilter(_is_not_health_check)
     for name, message in LINES.items():
         LOGGING_CONFIG["formatters"][name]["fmt"] = f"%(asctime)s %(levelname)s {message}"  # as the workers' lines
-    listening = ("--host", told.host, "--port", told.port)
+    listening = ("--host", address.host, "--port", address.port)
     uvicorn.main(args=["service.main:create_app", *UVICORN_OPTIONS, *listening, *others], prog_name="python -m service")
 
 

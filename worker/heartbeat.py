@@ -85,16 +85,16 @@ class Heartbeat(bootsteps.StartStopStep):
     def __init__(self, consumer: Any, **kwargs: Any) -> None:
         super().__init__(consumer, **kwargs)
         self.worker = context.current()
-        self.telling = HeartbeatConnection(self.worker.redis_url)
-        self.heard = HeartbeatReply(is_stored=False)  # the latest reply
+        self.connection = HeartbeatConnection(self.worker.redis_url)
+        self.latest = HeartbeatReply(is_stored=False)  # the latest reply
         self.consumer = consumer
         self.has_come = False
         self.is_paused = False
         self.served: tuple[str, ...] = ()  # requirement queues being consumed
-        self.said = ""  # the last logged error
+        self.logged_error = ""  # the last logged error
         self.timer: Any = None
         self.idle_since = time.monotonic()
-        self.told = -math.inf  # time when vitals were last sent
+        self.vitals_sent = -math.inf  # time when vitals were last sent
 
     def start(self, consumer: Any) -> None:
         """Starts the heartbeat."""
@@ -115,17 +115,17 @@ class Heartbeat(bootsteps.StartStopStep):
         health_file.write_state(WorkerState.WORKING)
         if self.worker.cards_worker is not None:
             self.worker.cards_worker.check()
-        heard = self.telling.receive()  # on a slow line, the reply to an earlier beat
+        latest = self.connection.receive()  # on a slow line, the reply to an earlier beat
         self._send_report()
-        if (heard := self.telling.receive(REPLY_WAIT_S) or heard) is not None:
-            self.heard = heard
+        if (latest := self.connection.receive(REPLY_WAIT_S) or latest) is not None:
+            self.latest = latest
         before = self.is_paused, self.served
         self._apply_terms()
         self._apply_pause()
         if before != (self.is_paused, self.served):
             self._send_report()  # at once instead of with the next beat
-        if heard is not None and heard.is_stored:
-            self._handle_reply(heard)
+        if latest is not None and latest.is_stored:
+            self._handle_reply(latest)
 
     def _send_report(self) -> None:
         worker, now = self.worker, time.monotonic()
@@ -135,14 +135,14 @@ class Heartbeat(bootsteps.StartStopStep):
         if not self.has_come:  # wakes the service, which then sees the new worker at once
             self.has_come = True
             more.append(("XADD", RESULTS, "*", "event", json.dumps({"type": "wake"})))
-        if now - self.told > VITALS_EVERY_S and (found := vitals.read_vitals()) is not None:
-            self.told = now
+        if now - self.vitals_sent > VITALS_EVERY_S and (found := vitals.read_vitals()) is not None:
+            self.vitals_sent = now
             more.append(("SET", vitals_key(worker.name), found.to_bytes(), "EX", VITALS_TTL_S))
         if worker.tail is not None:
             worker.tail.trim()
-            if self.heard.is_log_wanted:
+            if self.latest.is_log_wanted:
                 more.append(("SET", log_key(worker.name), json.dumps(worker.tail.lines()), "EX", LOG_TTL_S))
-        self.telling.send(report, worker.keeping.offer() if worker.keeping is not None else None, more)
+        self.connection.send(report, worker.keeping.offer() if worker.keeping is not None else None, more)
 
     def _handle_reply(self, reply: HeartbeatReply) -> None:
         signal.alarm(WATCHDOG_S)  # unless reset, SIGALRM ends this process and with it its children
@@ -168,7 +168,7 @@ class Heartbeat(bootsteps.StartStopStep):
     def _apply_pause(self) -> None:
         """Pauses or resumes the fetching of tasks as the service requires. Running tasks are always finished."""
         keeping = self.worker.keeping
-        wanted = (keeping is not None and keeping.why is not None) or self.heard.is_paused
+        wanted = (keeping is not None and keeping.why is not None) or self.latest.is_paused
         if wanted == self.is_paused:
             self._serve_requirement_queues(() if wanted or keeping is None else keeping.terms.queues)
             return
@@ -181,12 +181,12 @@ class Heartbeat(bootsteps.StartStopStep):
                 else:
                     self.consumer.add_task_queue(queue)
         except redis.RedisError as error:
-            if str(error) != self.said:
-                self.said = str(error)
+            if str(error) != self.logged_error:
+                self.logged_error = str(error)
                 log.warning("tasks cannot be %s now: %s", "left" if wanted else "taken", error)
             return  # retried at the next beat
         self.is_paused = wanted
-        self.said = ""
+        self.logged_error = ""
         why = keeping.why if keeping is not None else None
         log.warning("%s", (why or "paused by the service") if wanted else "taking tasks again")
         self._serve_requirement_queues(() if wanted or keeping is None else keeping.terms.queues)
@@ -219,7 +219,7 @@ class Heartbeat(bootsteps.StartStopStep):
         """
         if (keeping := self.worker.keeping) is None:
             return
-        keeping.request(self.heard.terms)
+        keeping.request(self.latest.terms)
         keeping.refresh()
         # Tasks are acknowledged when they finish, so the prefetch count limits the number of running tasks.
         if missing := keeping.slots_now - self.consumer.qos.value:

@@ -62,6 +62,16 @@ from worker.work.viewport import ViewAnswers, prepare_view_frame, render_view
 __all__ = ["register"]
 
 LINK_TIMEOUT_S = 60.0
+DIED_RENDERING = Sentence(
+    "worker-died-rendering-batch",
+    "the worker process died {count} times while it rendered this batch",
+    count=DEATHS_ALLOWED,
+)
+DIED_PREPARING_FRAME = Sentence(
+    "worker-died-preparing-frame",
+    "The worker process died {count} times while it prepared this frame.",
+    count=DEATHS_ALLOWED,
+)
 
 log = logging.getLogger(__name__)
 
@@ -154,12 +164,7 @@ def _render(
     with rendering_batch(worker, work, task.request.id) as do:
         deaths = count_deaths(task, worker, work.batch)
         if deaths >= DEATHS_ALLOWED:
-            sentence = Sentence(
-                "worker-died-rendering-batch",
-                "the worker process died {count} times while it rendered this batch",
-                count=DEATHS_ALLOWED,
-            )
-            worker.results.send(failure_event(worker, work, sentence))
+            worker.results.send(failure_event(worker, work, DIED_RENDERING))
             return
         if deaths:
             with contextlib.suppress(TemporaryError):  # the slot's death may come from a file damaged on this disk
@@ -213,12 +218,7 @@ def _render_on_card(task: Any, card: dict[str, Any]) -> None:
             hand.report_part(doing(block.batches[0], block.tile) | ({"compiling": True} if is_compiling else {}))
 
         if count_deaths(task, worker, message) >= DEATHS_ALLOWED:
-            sentence = Sentence(
-                "worker-died-rendering-batch",
-                "the worker process died {count} times while it rendered this batch",
-                count=DEATHS_ALLOWED,
-            )
-            return_to_cpus(worker, work.batches, sentence)
+            return_to_cpus(worker, work.batches, DIED_RENDERING)
             return
         hand.speed = render_on_card(worker, work, show)
         reset_deaths(task, worker, message)
@@ -267,41 +267,42 @@ def _prepare(task: Any, scene: str) -> None:
             info = retry_temporary(lambda: prepare_scene(worker, manifest, progress, send_preview), LINK_TIMEOUT_S)
             steps.begin_step(None)
             send("prepared", info=asdict(info))
-        except WorkError as error:
-            send("prepare-failed", error=str(error))
-        except MachineError as error:
-            send("prepare-returned", error=str(error), unfit=True, passing=True)
-        except TemporaryError as error:
-            send(
-                "prepare-returned",
-                error=Sentence("worker-returned-scene", "{worker} returned the scene: {error}", worker=worker.name, error=error),
-            )
-        except UnfitError as error:
-            send("prepare-returned", error=str(error), unfit=True)
-        except RefusedError as error:
-            send(
-                "prepare-failed",
-                error=Sentence(
-                    "worker-file-transfer-failed",
-                    "{worker} could not exchange the scene's files with the service: {error}",
-                    worker=worker.name,
-                    error=error,
-                ),
-            )
         except Exception as error:
-            log.exception("preparing %s failed", scene)
-            send(
-                "prepare-failed",
-                error=Sentence(
-                    "worker-scene-failed",
-                    "{worker} could not prepare the scene ({kind}: {error}).",
-                    worker=worker.name,
-                    kind=type(error).__name__,
-                    error=error,
-                ),
-            )
+            kind, fields = _scene_failure(worker, scene, error)
+            send(kind, **fields)
         if info is not None and manifest.base is None:  # a relit scene is shown by its base's thumbnail
             _send_thumbnail(worker, about, info, manifest.main)
+
+
+def _scene_failure(worker: context.WorkerContext, scene: str, error: Exception) -> tuple[str, dict[str, Any]]:
+    """Returns the type and the fields of the event that reports why a scene is not prepared. Logs an unexpected error."""
+    match error:
+        case WorkError():
+            return "prepare-failed", {"error": str(error)}
+        case MachineError():
+            return "prepare-returned", {"error": str(error), "unfit": True, "passing": True}
+        case TemporaryError():
+            said = Sentence("worker-returned-scene", "{worker} returned the scene: {error}", worker=worker.name, error=error)
+            return "prepare-returned", {"error": said}
+        case UnfitError():
+            return "prepare-returned", {"error": str(error), "unfit": True}
+        case RefusedError():
+            said = Sentence(
+                "worker-file-transfer-failed",
+                "{worker} could not exchange the scene's files with the service: {error}",
+                worker=worker.name,
+                error=error,
+            )
+            return "prepare-failed", {"error": said}
+    log.error("preparing %s failed", scene, exc_info=error)
+    said = Sentence(
+        "worker-scene-failed",
+        "{worker} could not prepare the scene ({kind}: {error}).",
+        worker=worker.name,
+        kind=type(error).__name__,
+        error=error,
+    )
+    return "prepare-failed", {"error": said}
 
 
 def _send_thumbnail(worker: context.WorkerContext, about: dict[str, Any], info: SceneInfo, main: str) -> None:
@@ -341,13 +342,8 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
     with SlotTask(worker, {"scene": work.scene, "work": work.work}):
         try:
             if count_deaths(task, worker, work.work) >= DEATHS_ALLOWED:
-                sentence = Sentence(
-                    "worker-died-preparing-frame",
-                    "The worker process died {count} times while it prepared this frame.",
-                    count=DEATHS_ALLOWED,
-                )
-                send("frame-failed", frame=work.frames[0], error=sentence)
-                send("frames-returned", error=sentence)
+                send("frame-failed", frame=work.frames[0], error=DIED_PREPARING_FRAME)
+                send("frames-returned", error=DIED_PREPARING_FRAME)
                 return
             manifest = retry_temporary(lambda: worker.link.manifest(work.scene), LINK_TIMEOUT_S)
             prepare_frames(worker, manifest, work, send)
@@ -404,12 +400,7 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
         return
     with SlotTask(worker, {"view": work.watch, "message": work.message}):
         if count_deaths(task, worker, work.message) >= DEATHS_ALLOWED:
-            sentence = Sentence(
-                "worker-died-preparing-frame",
-                "The worker process died {count} times while it prepared this frame.",
-                count=DEATHS_ALLOWED,
-            )
-            ViewAnswers(worker, work).send("failed", error=sentence)
+            ViewAnswers(worker, work).send("failed", error=DIED_PREPARING_FRAME)
         else:
             prepare_view_frame(worker, work)
 

@@ -118,10 +118,10 @@ def husk(
     if unknown:
         raise CommandError(f"{unknown[0]} is not an option of husk that Rayfarm has; `rayfarm husk --help` lists those")
     if stage.suffix.lower() not in SUFFIXES:
-        raise CommandError(f"{stage.name} is no USD file: {', '.join(SUFFIXES)}. Others are rendered by `rayfarm render`")
+        raise CommandError(f"{stage.name} is not a USD file: {', '.join(SUFFIXES)}. Others are rendered by `rayfarm render`")
     found = render_settings(stage, frame, frame_count, frame_inc, root)
     chosen = _chosen(found, settings, stage)
-    product = _product(chosen, stage)
+    product = _product(chosen)
     _say_unused(chosen, product)
     names = [output or name for name in (product["names"] if product else [""] * frame_count)]
     if not all(names):
@@ -181,7 +181,7 @@ def _chosen(found: dict[str, Any], settings: str | None, stage: Path) -> dict[st
     return known[path] if path is not None else {}
 
 
-def _product(chosen: dict[str, Any], stage: Path) -> dict[str, Any] | None:
+def _product(chosen: dict[str, Any]) -> dict[str, Any] | None:
     """Returns the product to render, the first raster, or else the first deep one; None if there is none.
 
     A deep picture is written beside it.

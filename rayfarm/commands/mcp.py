@@ -44,6 +44,6 @@ def mcp(
         raise CommandError('`rayfarm mcp` needs the package mcp: pip install "rayfarm[mcp]"') from None
     for each in folder or ():
         if not each.is_dir():
-            raise CommandError(f"--folder is {each}, which is no folder")
+            raise CommandError(f"--folder is {each}, which is not a folder")
     with farm_client(server) as farm:
         create_server(farm, folder or ()).run("stdio")

@@ -189,7 +189,20 @@ def render(
         if found["failed"]:
             raise typer.Exit(EXIT_FAILED)
         return
+    _render_still(scene, output, order, variant, moment, no_bvh, root, stats)
 
+
+def _render_still(
+    scene: Path,
+    output: Path,
+    order: PictureOrder,
+    variant: str | None,
+    moment: Moment,
+    no_bvh: bool,
+    root: Path | None,
+    stats: Path | None,
+) -> None:
+    picture = order.picture
     clock = Clock()
     import renderer.render  # noqa: F401
 
@@ -197,13 +210,13 @@ def render(
     environment = picture.environment()
     motion: list[F32 | None] = []
     compiled, summary = load_scene(
-        *(scene, environment, clock, no_bvh, variant, threads, moment, picture.camera, picture.shutter()),
+        *(scene, environment, clock, no_bvh, variant, order.threads, moment, picture.camera, picture.shutter()),
         before=lambda stage: motion.append(motion_of(stage, order, moment, clock)),
         root=root,
         placement=picture.placement(),
     )
     warnings = options.relevant_warnings(summary["warnings"], environment)
-    refuse_warnings(scene.name, warnings, strict)
+    refuse_warnings(scene.name, warnings, order.strict)
     for warning in [*warnings, *picture.floor_notes(summary["floor"])]:
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
@@ -217,7 +230,7 @@ def render(
         done = render_to(
             *(output, order, compiled, summary, settings, clock, show, motion[0]),
             on_picture=lambda picture, objects: (
-                None if is_invisible else print_darkness_note(picture, objects, output, exposure, other_camera)
+                None if is_invisible else print_darkness_note(picture, objects, output, order.exposure, other_camera)
             ),
         )
     _print_summary(output, settings, clock, done)

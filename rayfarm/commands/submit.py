@@ -151,29 +151,15 @@ def submit(
       rayfarm submit shot.openjd.yaml --param Frames=1-10:2
     """
     if is_template(scene):
-        given: dict[str, Any] = {
-            "frame": frame,
-            "frames": frames,
-            "variant": variant,
-            "fps": fps,
-            "clip": clip,
-            "turntable": turntable,
-        }
-        given |= {"exposure": exposure or None, "tonemap": None if tonemap == "neutral" else tonemap}
+        given: dict[str, Any] = {"frame": frame, "frames": frames, "variant": variant, "fps": fps, "clip": clip}
+        given |= {"turntable": turntable, "exposure": exposure or None, "tonemap": None if tonemap == "neutral" else tonemap}
         given |= {"aov": aov, "root": root, **picture.given, "denoise": denoise or None, "strict": strict or None}
-        among: dict[str, Any] = {
-            "server": server,
-            "wait": wait,
-            "project": project,
-            "priority": priority,
-            "after": after,
-            "deadline": deadline,
-        }
-        among |= {"max_slots": max_slots, "verify": verify, "fresh": fresh, "order": order, "every": every}
+        among: dict[str, Any] = {"server": server, "wait": wait, "project": project, "priority": priority, "after": after}
+        among |= {"deadline": deadline, "max_slots": max_slots, "verify": verify, "fresh": fresh, "order": order, "every": every}
         _submit_template(scene, param or [], given, output, need or [], overwrite, **among)
         return None
     if param:
-        raise CommandError(f"--param goes with a job template, and {scene.name} is none")
+        raise CommandError(f"--param needs a job template, which {scene.name} is not")
     look = {**({"exposure": exposure} if exposure else {}), **({} if tonemap == "neutral" else {"tonemap": tonemap})}
     moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
     _check_output_format(output, is_shot=frames is not None)
@@ -194,15 +180,7 @@ def submit(
     picture.check()
     place = {"after": after, "max_slots": max_slots, "deadline": _deadline(deadline), "needs": need, "verify": verify}
     with farm_client(server) as farm:
-        main = relative_to_root(scene, root) if root is not None else scene.name if is_numbered(scene) else None
-        files = files_to_upload(scene, root)
-        name = scene.name if is_numbered(scene) else None
-        uploaded = farm.upload(files, main=main, name=name, project=project, **picture.placement()._asdict())
-        ready = _wait_until_prepared(farm, uploaded)
-        warnings = options.relevant_warnings(ready.warnings, picture.environment())
-        refuse_warnings(scene.name, warnings, strict)
-        for warning in [*warnings, *picture.floor_notes(ready.has_floor)]:
-            err.print(f"note: {warning}", markup=False, soft_wrap=True)
+        ready = _upload(farm, scene, picture, project, root, strict)
         asked = picture.request([asdict(camera) for camera in ready.cameras])
         if output is not None:
             size = {"width": DEFAULT_SIZE[0], "height": DEFAULT_SIZE[1], **ready.defaults, **asked}
@@ -223,6 +201,20 @@ def submit(
         else:
             err.print(f"Watch it at {farm.url}/#/jobs/{job.id}", markup=False, soft_wrap=True)
         return job.id
+
+
+def _upload(farm: Client, scene: Path, picture: Picture, project: str, root: Path | None, strict: bool) -> Scene:
+    """Uploads a scene and waits until it is prepared. Prints its warnings, which are an error if `strict`."""
+    name = scene.name if is_numbered(scene) else None
+    main = name if root is None else relative_to_root(scene, root)
+    files = files_to_upload(scene, root)
+    uploaded = farm.upload(files, main=main, name=name, project=project, **picture.placement()._asdict())
+    ready = _wait_until_prepared(farm, uploaded)
+    warnings = options.relevant_warnings(ready.warnings, picture.environment())
+    refuse_warnings(scene.name, warnings, strict)
+    for warning in [*warnings, *picture.floor_notes(ready.has_floor)]:
+        err.print(f"note: {warning}", markup=False, soft_wrap=True)
+    return ready
 
 
 def _submit_template(

@@ -161,9 +161,7 @@ def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
         ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key, password="")
     except (ssl.SSLError, OSError) as error:
         why = getattr(error, "reason", None) or error
-        raise CommandError(
-            f"{certificate} and {key} are no certificate and its key without a password, as PEM ({why})."
-        ) from None
+        raise CommandError(f"{certificate} and {key} are not a PEM certificate and its key without a password ({why}).") from None
     return Tls(certificate.resolve(), key.resolve())
 
 

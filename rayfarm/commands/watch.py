@@ -37,13 +37,13 @@ class _WatchCommand(TyperCommand):
     """A typer command in which some options may be given without their value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        told: list[str] = []
+        words: list[str] = []
         for number, each in enumerate(args):
-            told.append(each)
+            words.append(each)
             following = args[number + 1] if number + 1 < len(args) else "--"
             if each in OPTIONS_WITH_OPTIONAL_VALUE and following.startswith("-"):
-                told.append("")
-        return super().parse_args(ctx, told)
+                words.append("")
+        return super().parse_args(ctx, words)
 
 
 def register(app: typer.Typer) -> None:

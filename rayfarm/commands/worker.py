@@ -43,7 +43,7 @@ def worker(
     join: Annotated[str | None, typer.Option(metavar="URL", help="The farm's address, if not given as the argument.")] = None,
     token: Annotated[
         str,
-        typer.Option(help="The farm's token; everybody on this machine can see it, so --token-file or $RAYFARM_TOKEN is better."),
+        typer.Option(help="The farm's token; everyone on this machine can see it, so --token-file or $RAYFARM_TOKEN is better."),
     ] = "",
     token_file: Annotated[
         Path | None,

@@ -65,7 +65,7 @@ class Cameras:
 
     @classmethod
     def of(cls, poses: Any, convention: str = "opengl") -> Cameras:
-        """Returns the cameras of an array (N, 4, 4) or (4, 4). Raises SettingsError if a matrix is no rigid pose."""
+        """Returns the cameras of an array (N, 4, 4) or (4, 4). Raises SettingsError if a matrix is not a rigid pose."""
         if convention not in CONVENTIONS:
             raise SettingsError(f"convention is {convention!r}; it is opengl or opencv")
         if isinstance(poses, Cameras):
@@ -73,7 +73,9 @@ class Cameras:
         try:
             found = np.array(poses, np.float64)
         except (TypeError, ValueError):
-            raise SettingsError("cameras is no array of numbers; give matrices (N, 4, 4) from camera to world space") from None
+            raise SettingsError(
+                "cameras is not an array of numbers; give matrices (N, 4, 4) from camera to world space"
+            ) from None
         found = found[None] if found.shape == (4, 4) else found
         if found.ndim != 3 or found.shape[1:] != (4, 4):
             raise SettingsError(f"cameras has the shape {found.shape}; give matrices (N, 4, 4) from camera to world space")
@@ -253,7 +255,7 @@ def opencv(pose: F64) -> F64:
 def intrinsics_of(intrinsics: Any, fov: float | None, width: int, height: int) -> F64:
     """Returns the 3 x 3 matrix of the intrinsics, given as such or by the vertical field of view in degrees.
 
-    Raises SettingsError if it is no pinhole with square pixels.
+    Raises SettingsError if it is not a pinhole with square pixels.
     """
     if intrinsics is None:
         degrees = 50.0 if fov is None else float(fov)
@@ -268,7 +270,7 @@ def intrinsics_of(intrinsics: Any, fov: float | None, width: int, height: int) -
         raise SettingsError(f"intrinsics has the shape {found.shape}; it is [[f, 0, cx], [0, f, cy], [0, 0, 1]] in pixels")
     zeros = found[0, 1], found[1, 0], found[2, 0], found[2, 1], found[2, 2] - 1
     if not np.isfinite(found).all() or any(zeros) or not found[0, 0] > 0:
-        raise SettingsError("intrinsics is no pinhole without skew: it is [[f, 0, cx], [0, f, cy], [0, 0, 1]] in pixels")
+        raise SettingsError("intrinsics is not a pinhole without skew; give [[f, 0, cx], [0, f, cy], [0, 0, 1]] in pixels")
     if abs(found[0, 0] - found[1, 1]) > _SQUARE * found[0, 0]:
         raise SettingsError(f"intrinsics has focal lengths {found[0, 0]:g} and {found[1, 1]:g}; pixels are square, so give one")
     return found
@@ -303,14 +305,14 @@ def _distortion_of(data: Mapping[str, Any]) -> LensDistortion | None:
 
 
 def _fault(pose: F64) -> str:
-    """Returns why a matrix is no rigid pose; empty if it is one."""
+    """Returns why a matrix is not a rigid pose; empty if it is one."""
     if not np.isfinite(pose).all():
         return "has a number that is not finite"
     if np.abs(pose[3] - (0, 0, 0, 1)).max() > _ROTATION:
         return "has a last row other than 0, 0, 0, 1"
     rotation = pose[:3, :3]
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > _ROTATION:
-        return "is no rotation and translation: its axes are not unit vectors at right angles"
+        return "is not a rotation and translation: its axes are not unit vectors at right angles"
     return "" if np.linalg.det(rotation) > 0 else "is a reflection, not a rotation: its determinant is negative"
 
 
@@ -331,9 +333,9 @@ def _json(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise SettingsError(f"{path} cannot be read: {error.strerror}") from None
     except ValueError as error:
-        raise SettingsError(f"{path} is no JSON: {error}") from None
+        raise SettingsError(f"{path} is not JSON: {error}") from None
     if not isinstance(data, dict):
-        raise SettingsError(f"{path} is no transforms.json: it holds no object")
+        raise SettingsError(f"{path} is not a transforms.json: it does not hold an object")
     return data
 
 

@@ -102,7 +102,7 @@ def _read(path: Path) -> Mapping[str, Any]:
     except OSError as error:
         raise SettingsError(f"{path} cannot be read: {error.strerror}") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise SettingsError(f"{path} is no YAML: {str(error).splitlines()[0]}") from None
+        raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from None
     if not isinstance(document, Mapping):
-        raise SettingsError(f"{path} describes no data set: it is no mapping")
+        raise SettingsError(f"{path} does not describe a data set: it is not a mapping")
     return document

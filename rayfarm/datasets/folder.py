@@ -96,7 +96,7 @@ class Folder:
         try:
             data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         except ValueError:
-            raise SettingsError(f"{path} is no JSON; name a new folder") from None
+            raise SettingsError(f"{path} is not JSON; name a new folder") from None
         return data
 
 

@@ -79,14 +79,14 @@ def check_folder(settings: Settings, deep: bool, progress: Progress) -> Iterator
 def _check_dead_letters(data: Path) -> Iterator[Finding]:
     """Checks whether there are messages of workers that the service could not handle (dead letters). Yields the findings."""
     try:
-        told = [json.loads(line) for line in (data / FILE).read_text(encoding="utf-8").splitlines()]
+        letters = [json.loads(line) for line in (data / FILE).read_text(encoding="utf-8").splitlines()]
     except (OSError, ValueError):
         return
-    if told and isinstance(told[-1], dict):
-        when = time.strftime("%Y-%m-%d %H:%M", time.localtime(float(told[-1].get("time", 0))))
+    if letters and isinstance(letters[-1], dict):
+        when = time.strftime("%Y-%m-%d %H:%M", time.localtime(float(letters[-1].get("time", 0))))
         yield note_finding(
             "Messages",
-            f"{len(told)} of workers could not be handled, the latest at {when}: {str(told[-1].get('why'))[:200]}",
+            f"{len(letters)} of workers could not be handled, the latest at {when}: {str(letters[-1].get('why'))[:200]}",
             f"Look at {data / FILE}: a worker of another release or a token in the wrong hands sends such. Delete the file then.",
         )
 
@@ -102,7 +102,7 @@ def _check_permissions(data: Path) -> Iterator[Finding]:
     if open_ones:
         where = " ".join(str(data / name) for name in open_ones)
         yield fault(
-            "Secrets", f"Others can read {', '.join(open_ones)}: whoever has the token can send results.", f"chmod 600 {where}"
+            "Secrets", f"Others can read {', '.join(open_ones)}: anyone with the token can send results.", f"chmod 600 {where}"
         )
 
 

@@ -35,8 +35,8 @@ PATIENCE_S = 5.0
 def check_running_farm(settings: Settings, port: int) -> Iterator[Finding]:
     """Checks the farm that runs on a data folder or in this container; if none runs, whether one could be started."""
     farm = running_farm(settings.data)
-    told = any(os.environ.get(f"RAYFARM_REDIS_URL{more}") for more in ("", FILE))
-    address = farm.redis_url if farm is not None else settings.redis_url if told else None
+    is_set = any(os.environ.get(f"RAYFARM_REDIS_URL{more}") for more in ("", FILE))
+    address = farm.redis_url if farm is not None else settings.redis_url if is_set else None
     server = os.environ.get("RAYFARM_SERVER", "")
     if farm is not None:
         yield from _service(farm.url)
@@ -105,11 +105,11 @@ def check_redis(url: str, verify: float = 0.0) -> Iterator[Finding]:
     where = url.rpartition("@")[2].removeprefix("redis://").removeprefix("rediss://")  # without its password
     try:
         with redis.Redis.from_url(url, socket_timeout=PATIENCE_S, socket_connect_timeout=PATIENCE_S) as store:
-            told: dict[str, Any] = store.info()
+            info: dict[str, Any] = store.info()
             seconds, micros = store.time()
-            yield _check_release(release_of(told), f"answers at {where}")
-            yield from _memory(told)
-            yield from _persistence(told)
+            yield _check_release(release_of(info), f"answers at {where}")
+            yield from _memory(info)
+            yield from _persistence(info)
             if abs(apart := seconds + micros / 1e6 - time.time()) > MAX_CLOCK_DIFFERENCE_S:
                 yield _clocks("Redis", apart)
             yield from _workers(store, verify)

@@ -72,7 +72,7 @@ def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
     for name in given:
         if name not in names and name not in _LIBRARY_ARGUMENTS:
             near = difflib.get_close_matches(name, [*names, *_LIBRARY_ARGUMENTS], 1)
-            raise TypeError(f"{name!r} is no setting of a picture" + (f"; did you mean {near[0]!r}?" if near else ""))
+            raise TypeError(f"{name!r} is not a setting of a picture" + (f"; did you mean {near[0]!r}?" if near else ""))
     values = {each.option.replace("-", "_"): _to_builtin(given[name]) for name, each in names.items() if name in given}
     for name, each in names.items():
         if given.get(name) is not None:

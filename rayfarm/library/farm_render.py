@@ -121,7 +121,7 @@ def _channels(exr: bytes) -> dict[str, F32]:
         file.flush()
         source = oiio.ImageInput.open(file.name)
         if source is None:
-            raise SettingsError("what the farm sent is no EXR picture")
+            raise SettingsError("what the farm sent is not an EXR picture")
         stack.callback(source.close)
         pixels = np.asarray(source.read_image(oiio.FLOAT), np.float32)
         return {name: pixels[..., i] for i, name in enumerate(source.spec().channelnames)}

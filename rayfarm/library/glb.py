@@ -88,7 +88,7 @@ def _numbers(name: str, what: str, given: Any, sizes: tuple[int, ...]) -> npt.ND
     try:
         values = np.ascontiguousarray(given, "<f4")
     except (TypeError, ValueError):
-        raise SceneError(f"{name}: {what} are no array of numbers") from None
+        raise SceneError(f"{name}: {what} are not an array of numbers") from None
     if values.ndim != 2 or values.shape[1] not in sizes or not len(values):
         wanted = " or ".join(map(str, sizes))
         raise SceneError(f"{name}: {what} have the shape {values.shape}; they take (V, {wanted})")

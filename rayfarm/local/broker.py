@@ -52,7 +52,7 @@ def _chosen_server(program: Path) -> Path:
     """Returns the program of RAYFARM_REDIS_SERVER. Raises CommandError if a farm cannot use it."""
     found = server_release(program)
     if not found.numbers:
-        raise CommandError(f"{SERVER_VARIABLE} is {program}, which is no Redis or Valkey server that runs here.")
+        raise CommandError(f"{SERVER_VARIABLE} is {program}, which is not a Redis or Valkey server that runs here.")
     if found.is_too_old:
         least = ".".join(map(str, MIN_VERSION))
         raise CommandError(f"{SERVER_VARIABLE} is {program}, which is {found}; a farm needs Redis {least} or newer.")
@@ -74,10 +74,10 @@ def _programs() -> Iterator[Path]:
 def server_release(program: Path) -> RedisRelease:
     """Returns the release of a Redis or Valkey program. Its version is unknown if the program does not run."""
     try:
-        told = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=PATIENCE_S, check=False).stdout
+        printed = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=PATIENCE_S, check=False).stdout
     except (OSError, subprocess.TimeoutExpired):
-        told = ""
-    return parse_version_output(told)
+        printed = ""
+    return parse_version_output(printed)
 
 
 def memory_limit() -> int:

@@ -18,14 +18,14 @@ LOOK_S = 1.0
 
 def print_progress(live: LiveJob, news: threading.Event) -> None:
     """Prints a line when the state changes, and every few seconds, until the job ends. Raises ClientError."""
-    told_at, told = 0.0, ("", "")
+    shown_at, shown = 0.0, ("", "")
     while True:
         if live.error is not None:
             raise live.error
         job, now = live.job, time.monotonic()
         state = (job.state, job.message or "")
-        if state != told or now - told_at >= EVERY_S:
-            told_at, told = now, state
+        if state != shown or now - shown_at >= EVERY_S:
+            shown_at, shown = now, state
             line = f"{frame_title(job, live.watched_frame)} · {progress_text(job)}"
             print(one_line(line), flush=True)
         if job.is_over:

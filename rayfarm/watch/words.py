@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from rich.cells import cell_len, set_cell_size
 
 from rayfarm.responses import Frame, Job
@@ -10,17 +12,26 @@ from renderer.printable import one_line
 __all__ = ["fit_columns", "format_count", "frame_title", "progress_text"]
 
 BAR_WIDTH = 24  # cells
+# Durations below a number of seconds, the step to which they are rounded, and their unit.
+ESTIMATES = (
+    (60, 5, "s", 1),
+    (120, 10, "s", 1),
+    (1200, 60, "min", 60),
+    (5400, 300, "min", 60),
+    (129_600, 3600, "h", 3600),
+    (math.inf, 86_400, "d", 86_400),
+)
 EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
 def progress_text(job: Job, with_bar: bool = False) -> str:
-    """Returns a job's state, progress, rate and remaining time: `rendering · 43 % · 12.3 M samples/s · 1:05 left`."""
+    """Returns a job's state, progress, rate and remaining time: `rendering · 43 % · 12.3 M samples/s · about 70 s left`."""
     done = f"{100 * job.progress:.0f} %"
     parts = [job.message or job.state, f"{_bar(job.progress)} {done}" if with_bar else done]
     if job.samples_per_s and not job.is_over:
         parts.append(f"{format_count(job.samples_per_s)} samples/s")
     if job.eta_s is not None and not job.is_over:
-        parts.append(f"{_format_duration(job.eta_s)} left")
+        parts.append(f"{_format_estimate(job.eta_s)} left")
     elif job.active_s:
         parts.append(f"{_format_duration(job.active_s)}")
     return " · ".join(parts)
@@ -63,6 +74,12 @@ def format_count(number: float) -> str:
         if number >= size:
             return f"{number / size:.3g} {letter}"
     return f"{number:.3g}"
+
+
+def _format_estimate(seconds: float) -> str:
+    """Returns an estimated duration, rounded as on the page (web/js/news/time-left.js): `about 15 s`."""
+    _, step, unit, size = next(each for each in ESTIMATES if seconds < each[0])
+    return f"about {max(round(seconds / step), 1) * step / size:.3g} {unit}"
 
 
 def _format_duration(seconds: float) -> str:

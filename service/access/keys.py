@@ -83,7 +83,11 @@ class Keys:
         with self._sessions.begin() as session:
             if user != OWNER and session.get(User, user, with_for_update={"read": True, "key_share": True}) is None:
                 raise NotFound(
-                    Sentence("key-user-gone", "The user {user} does not exist any more.", user=repr(user[:64]))
+                    Sentence(
+                        "key-user-gone",
+                        "The user {user} does not exist any more. Choose another, or add it again.",
+                        user=repr(user[:64]),
+                    )
                 )  # else the key would admit a later user of this name
             session.execute(delete(Key).where(Key.expires < now - KEEP_EXPIRED_S))
             session.add(row)

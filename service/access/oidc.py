@@ -244,10 +244,10 @@ class Oidc:
 
         answer = httpx.get(url, headers={"Authorization": f"Bearer {token}"}, timeout=TIMEOUT_S, verify=_ssl_context())
         answer.raise_for_status()
-        told = answer.json()
-        if not isinstance(told, dict) or told.get("sub") != subject:
+        claims = answer.json()
+        if not isinstance(claims, dict) or claims.get("sub") != subject:
             raise ValueError("it belongs to another subject")
-        return {name: told[name] for name in (self._name_claim, self._role_claim) if name in told}
+        return {name: claims[name] for name in (self._name_claim, self._role_claim) if name in claims}
 
     def _decoded_token(self, token: str) -> Any:
         from joserfc import jwt
@@ -319,8 +319,8 @@ class Oidc:
 
     def _role(self, claims: dict[str, Any]) -> Role:
         """Returns the highest role that the role claim maps to; the default role if it maps to none."""
-        told = claims.get(self._role_claim)
-        values = told if isinstance(told, list) else str(told or "").split()
+        roles = claims.get(self._role_claim)
+        values = roles if isinstance(roles, list) else str(roles or "").split()
         return max(
             (Role.from_name(self._roles[value]) for value in values if isinstance(value, str) and value in self._roles),
             default=self._usual,

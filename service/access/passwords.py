@@ -50,11 +50,7 @@ def check_strength(password: str, name: str) -> None:
         )
     if len(password) > MAX_LENGTH:
         raise Invalid(
-            Sentence(
-                "password-too-long",
-                "The password is longer than {most} characters. Choose a shorter one.",
-                most=MAX_LENGTH,
-            )
+            Sentence("password-too-long", "The password is longer than {most} characters. Choose a shorter one.", most=MAX_LENGTH)
         )
     if len(set(password)) < 4 or name.lower() in password.lower():
         raise Invalid(

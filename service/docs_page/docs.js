@@ -1,20 +1,13 @@
 /** The API as a page, from /openapi.json alone: nothing is loaded from elsewhere. */
 
+import { h } from "/js/base/dom.js";
 import { addThemeMenu } from "./theme-menu.js";
 
 /** Tags in the order of a user's way; the others follow. */
 const FIRST = ["scenes", "jobs", "frames", "workers"];
 const METHODS = ["get", "post", "put", "patch", "delete"];
 
-/** An element with attributes and children; strings become text, never markup. */
-function el(tag, attributes = {}, ...children) {
-  const node = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
-  node.append(...children.filter((child) => child !== null && child !== ""));
-  return node;
-}
-
-/** Follow a $ref of the document. */
+/** Returns the schema to which a $ref of the document leads. */
 function resolve(schema, api) {
   if (!schema?.$ref) return schema ?? {};
   return schema.$ref.slice(2).split("/").reduce((at, key) => at[key], api);
@@ -49,18 +42,18 @@ function limits(schema) {
 }
 
 /** Turns `code` in a text into elements. */
-const withCode = (text) => text.split("`").map((part, i) => (i % 2 ? el("code", {}, part) : part));
+const withCode = (text) => text.split("`").map((part, i) => (i % 2 ? h("code", null, part) : part));
 
 function row(name, schema, required, api, description, place) {
   const said = description ?? schema.description ?? resolve(schema, api).description ?? "";
   const about = [said, limits(schema)].filter(Boolean).join(" · ");
-  const cells = [[el("code", {}, name), place || required ? el("span", { class: "quality" }, [place, required && "required"].filter(Boolean).join(", ")) : ""], [typeName(schema, api)], withCode(about)];
-  return el("tr", {}, ...cells.map((cell) => el("td", {}, ...cell)));
+  const cells = [[h("code", null, name), place || required ? h("span", { class: "quality" }, [place, required && "required"].filter(Boolean).join(", ")) : ""], [typeName(schema, api)], withCode(about)];
+  return h("tr", null, ...cells.map((cell) => h("td", null, ...cell)));
 }
 
 function table(caption, rows) {
-  const head = el("tr", {}, ...["Name", "Type", "Description"].map((text) => el("th", { scope: "col" }, text)));
-  return rows.length ? el("div", {}, el("h3", {}, caption), el("table", {}, el("thead", {}, head), el("tbody", {}, ...rows))) : null;
+  const head = h("tr", null, ...["Name", "Type", "Description"].map((text) => h("th", { scope: "col" }, text)));
+  return rows.length ? h("div", null, h("h3", null, caption), h("table", null, h("thead", null, head), h("tbody", null, ...rows))) : null;
 }
 
 function properties(caption, schema, api, isRequest) {
@@ -91,7 +84,7 @@ function commands(path, method, about, api) {
   const sent = !media ? "" : isForm ? ',\n    files={"files": open("scene.glb", "rb")}' : `,\n    json=${example.replaceAll("true", "True").replaceAll("false", "False").replaceAll("null", "None")}`;
   const curl = `curl -sf${method === "get" || body ? "" : ` -X ${verb}`}${body && verb !== "POST" ? ` -X ${verb}` : ""}${body} \\\n  ${url}`;
   const python = `import httpx\n\nfarm = "${location.origin}"\nanswer = httpx.${method}(\n    farm + "${path}"${sent},\n)\nanswer.raise_for_status()`;
-  return Object.entries({ curl, Python: python }).map(([name, text]) => el("div", {}, el("h3", {}, name), el("pre", { tabindex: "0" }, text)));
+  return Object.entries({ curl, Python: python }).map(([name, text]) => h("div", null, h("h3", null, name), h("pre", { tabindex: "0" }, text)));
 }
 
 function operation(path, method, about, api) {
@@ -100,20 +93,20 @@ function operation(path, method, about, api) {
   const given = Object.entries(about.responses ?? {})
     .filter(([status]) => status.startsWith("2"))
     .flatMap(([status, answer]) =>
-      Object.entries(answer.content ?? {}).map(([media, { schema }]) => properties(`${status}: ${media}`, schema ?? {}, api) ?? el("p", {}, `${status}: ${media}`)),
+      Object.entries(answer.content ?? {}).map(([media, { schema }]) => properties(`${status}: ${media}`, schema ?? {}, api) ?? h("p", null, `${status}: ${media}`)),
     );
-  const summary = el(
+  const summary = h(
     "summary",
-    {},
-    el("code", { class: "method" }, method.toUpperCase()),
-    el("code", { class: "path" }, path),
-    el("span", { class: "about" }, ...withCode((about.description ?? about.summary ?? "").split("\n")[0])),
+    null,
+    h("code", { class: "method" }, method.toUpperCase()),
+    h("code", { class: "path" }, path),
+    h("span", { class: "about" }, ...withCode((about.description ?? about.summary ?? "").split("\n")[0])),
   );
   const rest = (about.description ?? "").split("\n").slice(1).join("\n").trim().split(/\n\s*\n/).filter(Boolean);
-  const paragraphs = rest.map((text) => el("p", {}, ...withCode(text)));
-  const examples = el("div", { class: "commands" }, ...commands(path, method, about, api));
-  const fields = el("div", { class: "fields" }, ...paragraphs, table("Parameters", parameters), ...sent, ...given);
-  return el("details", {}, summary, el("div", { class: "inside" }, examples, fields));
+  const paragraphs = rest.map((text) => h("p", null, ...withCode(text)));
+  const examples = h("div", { class: "commands" }, ...commands(path, method, about, api));
+  const fields = h("div", { class: "fields" }, ...paragraphs, table("Parameters", parameters), ...sent, ...given);
+  return h("details", null, summary, h("div", { class: "inside" }, examples, fields));
 }
 
 function page(api) {
@@ -125,7 +118,7 @@ function page(api) {
     }
   }
   const place = ([tag]) => (FIRST.indexOf(tag) + 1 || FIRST.length + 1);
-  return [...groups].sort((a, b) => place(a) - place(b)).map(([tag, operations]) => el("section", { id: anchorOf(tag) }, el("h2", {}, tag), ...operations));
+  return [...groups].sort((a, b) => place(a) - place(b)).map(([tag, operations]) => h("section", { id: anchorOf(tag) }, h("h2", null, tag), ...operations));
 }
 
 const main = document.getElementById("operations");
@@ -135,9 +128,16 @@ try {
   if (!answer.ok) throw new Error(`the service answers ${answer.status}`);
   const sections = page(await answer.json());
   main.replaceChildren(...sections);
-  document.querySelector(".sections").replaceChildren(...sections.map((each) => el("a", { href: `#${each.id}` }, each.querySelector("h2").textContent)));
+  // The first one is open, as an example of what an entry has.
+  const first = location.hash ? null : main.querySelector("details");
+  if (first) {
+    first.open = true;
+    first.classList.add("example");
+    first.querySelector(".fields").tabIndex = 0; // it scrolls
+  }
+  document.querySelector(".sections").replaceChildren(...sections.map((each) => h("a", { href: `#${each.id}` }, each.querySelector("h2").textContent)));
 } catch (error) {
-  main.replaceChildren(el("p", {}, `The description of the API cannot be loaded: ${error.message}. Reload the page.`));
+  main.replaceChildren(h("p", null, `The description of the API cannot be loaded: ${error.message}. Reload the page.`));
 }
 
 document.getElementById("find").addEventListener("input", (event) => {

@@ -1,5 +1,6 @@
 /** The guides: search, copy buttons, the theme, a note on the language, and the section that is being read. */
 
+import { h } from "/js/base/dom.js";
 import { addThemeMenu } from "./theme-menu.js";
 
 /** @typedef {{guide: string, title: string, anchor: string, heading: string, text: string}} Section */
@@ -12,24 +13,17 @@ const NOTES = {
   zh: "这篇指南目前只有英文版。",
 };
 
-/** Creates an element with properties and children; strings become text, never markup. */
-function el(tag, properties = {}, ...children) {
-  const node = Object.assign(document.createElement(tag), properties);
-  node.append(...children);
-  return node;
-}
-
 /** Adds a button that copies it to each block of code. */
 function addCopyButtons() {
   if (!navigator.clipboard) return; // pages on http from another machine
   for (const block of document.querySelectorAll("main pre")) {
-    const button = el("button", { type: "button", className: "copy", textContent: "Copy" });
+    const button = h("button", { type: "button", class: "copy" }, "Copy");
     button.addEventListener("click", async () => {
       await navigator.clipboard.writeText(block.textContent ?? "");
       button.textContent = "Copied";
       setTimeout(() => (button.textContent = "Copy"), 1500);
     });
-    const frame = el("div", { className: "code" });
+    const frame = h("div", { class: "code" });
     block.replaceWith(frame);
     frame.append(block, button);
   }
@@ -43,7 +37,7 @@ function splitLines() {
     if (/[─│]/.test(text)) continue;
     const lines = text.split(/(?<=\n)/);
     const kind = (line) => (/^\s*#/.test(line) ? "line comment" : "line");
-    code.replaceChildren(...lines.map((line) => el("span", { className: kind(line), textContent: line })));
+    code.replaceChildren(...lines.map((line) => h("span", { class: kind(line) }, line)));
   }
 }
 
@@ -157,17 +151,17 @@ function addSearch() {
       all = await sections;
     } catch {
       sections = null;
-      list.replaceChildren(el("li", { className: "none", textContent: "The farm does not answer." }));
+      list.replaceChildren(h("li", { class: "none" }, "The farm does not answer."));
       return;
     }
     if (typed !== input.value) return;
     const found = matches(all, words);
     const items = found.slice(0, MOST_FOUND).map((section) =>
-      el("li", {}, el("a", { href: section.guide + (section.anchor && `#${section.anchor}`) },
-        el("strong", { textContent: section.heading }),
-        el("span", { className: "from", textContent: section.heading === section.title ? "" : section.title }),
-        el("span", { className: "about", textContent: excerpt(section.text, words) }))));
-    list.replaceChildren(...(items.length ? items : [el("li", { className: "none", textContent: `Nothing found for “${typed}”.` })]));
+      h("li", null, h("a", { href: section.guide + (section.anchor && `#${section.anchor}`) },
+        h("strong", null, section.heading),
+        h("span", { class: "from" }, section.heading === section.title ? "" : section.title),
+        h("span", { class: "about" }, excerpt(section.text, words)))));
+    list.replaceChildren(...(items.length ? items : [h("li", { class: "none" }, `Nothing found for “${typed}”.`)]));
   });
   input.addEventListener("keydown", (event) => {
     if (event.key === "Enter") list.querySelector("a")?.click();

@@ -87,22 +87,20 @@ def _certificates() -> ssl.SSLContext:
 def run_program(program: str, id: str, message: dict[str, Any]) -> None:
     """Runs a notification program with the message on its standard input. Raises UndeliveredError."""
     data = message["data"]
-    told = {"RAYFARM_EVENT": message["type"], "RAYFARM_MESSAGE_ID": id}
-    told |= {f"RAYFARM_JOB_{key.upper()}": str(data.get(key) or "") for key in ("id", "name", "state", "error", "page")}
+    variables = {"RAYFARM_EVENT": message["type"], "RAYFARM_MESSAGE_ID": id}
+    variables |= {f"RAYFARM_JOB_{key.upper()}": str(data.get(key) or "") for key in ("id", "name", "state", "error", "page")}
     # The program must not receive the farm's secrets.
     inherited = {key: value for key, value in os.environ.items() if not key.startswith("RAYFARM_")}
     try:
         with tempfile.TemporaryFile() as stderr:  # a pipe would stay open as long as background processes of the program run
-            env = inherited | {key: value.replace("\0", "") for key, value in told.items()}
+            env = inherited | {key: value.replace("\0", "") for key, value in variables.items()}
             returned = _exit_status([program], json.dumps(message).encode(), env, stderr)
             stderr.seek(max(0, stderr.seek(0, os.SEEK_END) - 4 * MAX_ERROR_OUTPUT))
             said = stderr.read(4 * MAX_ERROR_OUTPUT).decode(errors="replace").strip()[-MAX_ERROR_OUTPUT:]
     except subprocess.TimeoutExpired:
         raise UndeliveredError(
             Sentence(
-                "hook-program-timeout",
-                "The program took longer than {seconds} s and was ended.",
-                seconds=f"{RUN_TIMEOUT_S:.0f}",
+                "hook-program-timeout", "The program took longer than {seconds} s and was ended.", seconds=f"{RUN_TIMEOUT_S:.0f}"
             )
         ) from None
     except OSError as error:
@@ -111,12 +109,7 @@ def run_program(program: str, id: str, message: dict[str, Any]) -> None:
         ) from None
     if returned:
         raise UndeliveredError(
-            Sentence(
-                "hook-program-failed",
-                "The program ended with {status}. Its output: {output}",
-                status=returned,
-                output=said,
-            )
+            Sentence("hook-program-failed", "The program ended with {status}. Its output: {output}", status=returned, output=said)
             if said
             else Sentence("hook-program-failed-silently", "The program ended with {status}.", status=returned)
         )

@@ -15,7 +15,7 @@ def job_message(job: Job, public_url: str) -> dict[str, Any]:
 
     public_url: base URL of the page, for links; may be empty.
     """
-    told: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "id": job.id,
         "name": job.name,
         "state": job.state,
@@ -25,11 +25,11 @@ def job_message(job: Job, public_url: str) -> dict[str, Any]:
         "path": f"/api/jobs/{job.id}",
     }
     if public_url:
-        told["page"] = f"{public_url.rstrip('/')}/#/jobs/{job.id}"
+        fields["page"] = f"{public_url.rstrip('/')}/#/jobs/{job.id}"
     if job.deadline is not None:
-        told["deadline"] = datetime.fromtimestamp(job.deadline, UTC).isoformat()
+        fields["deadline"] = datetime.fromtimestamp(job.deadline, UTC).isoformat()
     is_over = job.state in FINAL_STATES
-    return _event(f"job.{job.state}" if is_over else "job.late", (job.finished if is_over else job.late) or 0.0, told)
+    return _event(f"job.{job.state}" if is_over else "job.late", (job.finished if is_over else job.late) or 0.0, fields)
 
 
 def quarantine_message(time: float, details: dict[str, Any]) -> dict[str, Any]:

@@ -107,11 +107,11 @@ class Outbox:
             after, now = max(begun, since - OVERLAP_S), time.time()
             if after > now:  # the clock was set back: what was sent before is found by its row
                 after = now - OVERLAP_S
-            told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.finished)
-            query = select(Job).where(Job.finished >= after, Job.state.in_(FINAL_STATES), ~told)
+            is_delivered = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.finished)
+            query = select(Job).where(Job.finished >= after, Job.state.in_(FINAL_STATES), ~is_delivered)
             ended = list(session.scalars(query.order_by(Job.finished).limit(AT_A_TIME)))
-            told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.late)
-            query = select(Job).where(Job.late >= after, Job.state.in_(ACTIVE_STATES), ~told)
+            is_delivered = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.late)
+            query = select(Job).where(Job.late >= after, Job.state.in_(ACTIVE_STATES), ~is_delivered)
             late = list(session.scalars(query.order_by(Job.late).limit(AT_A_TIME)))
         if news := ended + late:
             with self._sessions.begin() as session:

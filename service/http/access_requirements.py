@@ -92,6 +92,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/scenes/{id}/thumbnail.png"): VIEW,
     ("GET", "/api/scenes/{id}/poster.jpg"): VIEW,
     ("GET", "/api/scenes/{id}/preview"): VIEW,
+    ("GET", "/api/scenes/{id}/preview-light"): VIEW,
     ("GET", "/api/scenes/{id}/takes"): VIEW,
     ("POST", "/api/scenes/{id}/takes"): SUBMIT,
     ("PATCH", "/api/scenes/{id}/takes/{take}"): SUBMIT,

@@ -138,8 +138,8 @@ class OwnerClient:
             async with connection as far:
                 await _relay(far, ended, receive, send)
         except InvalidStatus as error:
-            told = error.response
-            await send_error(Problem(told.status_code, _text(bytes(told.body or b""))[:300]), scope, receive, send)
+            response = error.response
+            await send_error(Problem(response.status_code, _text(bytes(response.body or b""))[:300]), scope, receive, send)
         except (InvalidHandshake, OSError, TimeoutError) as error:
             raise _unreachable_owner(type(error).__name__) from error
 

@@ -189,15 +189,12 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(ClientDisconnect)
     async def handle_disconnect(request: Request, error: ClientDisconnect) -> Response:
-        return Response(status_code=400)  # never read: the client aborted the upload, which is no error of the service
+        return Response(status_code=400)  # never read: the client aborted the upload, which is not an error of the service
 
     @app.exception_handler(Exception)
     async def _fault(request: Request, error: Exception) -> ProblemResponse:
         log.exception("fault in %s %s", request.method, request.url.path, exc_info=error)
-        sentence = Sentence(
-            "service-fault",
-            "The service failed; its log has details. Try again; if it stays, report it.",
-        )
+        sentence = Sentence("service-fault", "The service failed; its log has details. Try again; if it stays, report it.")
         return response(500, sentence, {"Connection": "close"})  # uvicorn closes the connection, so the client must know
 
 

@@ -35,8 +35,7 @@ HEADERS = {
 }
 HSTS = f"max-age={365 * 86400}"  # not for localhost, where it would apply to programs on other ports too
 CROSS_SITE_ERROR = Sentence(
-    "request-origin-forbidden",
-    "The request comes from a page of another origin. Use the service's own page, or a program.",
+    "request-origin-forbidden", "The request comes from a page of another origin. Use the service's own page, or a program."
 )
 SAME_SITE_VALUES = ("same-origin", "none")  # none: typed into the address bar
 SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
@@ -72,8 +71,7 @@ class SecurityMiddleware:
             return Problem(
                 400,
                 Sentence(
-                    "request-host-malformed",
-                    "The Host header is not a valid name or address. Send one, such as localhost:8000.",
+                    "request-host-malformed", "The Host header is not a valid name or address. Send one, such as localhost:8000."
                 ),
             )
         if not self._hosts.is_accepted(name):
@@ -185,6 +183,6 @@ def _limited_receive(scope: Scope, receive: Receive) -> Receive:
 def _too_large() -> Problem:
     return Problem(
         413,
-        Sentence("request-body-too-large", "The body is larger than {most} bytes.", most=MAX_BODY),
+        Sentence("request-body-too-large", "The body is larger than {most} bytes. Send a smaller one.", most=MAX_BODY),
         headers={"Connection": "close"},
     )

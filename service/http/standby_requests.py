@@ -69,7 +69,7 @@ class StandbyMiddleware:
             await send_error(Problem(503, life.standby_reason, RETRY_HEADERS), scope, receive, send)
         elif path == "/readyz":
             if not await self._forward.is_ready(owner, life.taken):
-                raise Unavailable(Sentence("standby-not-ready", "The standby service is not ready."))
+                raise Unavailable(Sentence("standby-not-ready", "The service that owns the farm is not ready."))
             await JSONResponse({"status": "stands by"})(scope, receive, send)
         elif scope["type"] == "http":
             await self._forward.request(owner, life.taken, scope, receive, send)

@@ -130,11 +130,7 @@ def _check_entries(entries: list[zipfile.ZipInfo], name: str, max_files: int, ma
             )
         if entry.flag_bits & 0x1:
             raise Invalid(
-                Sentence(
-                    "archive-encrypted",
-                    "The archive {name} is encrypted. Pack it again without a password.",
-                    name=name,
-                )
+                Sentence("archive-encrypted", "The archive {name} is encrypted. Pack it again without a password.", name=name)
             )
     total = sum(entry.file_size for entry in entries)
     packed = sum(entry.compress_size for entry in entries)

@@ -26,7 +26,7 @@ def requested_view(request: dict[str, Any], frame: float) -> dict[str, Any] | No
     number = index.get(frame_key(frame))
     if number is None or number >= len(views):
         raise SettingsError(
-            Sentence("frame-without-view", "views has no view for frame {frame}", frame=frame_text(frame)), field="views"
+            Sentence("frame-without-view", "views has no view for frame {frame}; add one", frame=frame_text(frame)), field="views"
         )
     return views[number]
 

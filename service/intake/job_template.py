@@ -104,7 +104,7 @@ def _expanded(
     from openjd.model._errors import DecodeValidationError
 
     if not isinstance(document, dict):
-        raise _fault(Sentence("template-not-object", "this is no job template"))
+        raise _fault(Sentence("template-not-object", "this is not a job template"))
     _check_size(document)
     given = dict(values)
     try:
@@ -153,7 +153,7 @@ def _fault(sentence: str) -> SettingsError:
 
 
 def _invalid(error: Exception) -> SettingsError:
-    return _fault(Sentence("template-invalid", "this is no valid job template: {error}", error=_one_line(error)))
+    return _fault(Sentence("template-invalid", "this is not a valid job template: {error}", error=_one_line(error)))
 
 
 def _too_large() -> SettingsError:
@@ -237,9 +237,7 @@ def _words(action: Any, symbols: Any, names: list[str], frame: str) -> list[str]
     except FormatStringError as error:
         raise _fault(
             Sentence(
-                "template-expression-unsupported",
-                "{error}: only job and task parameters are supported",
-                error=_one_line(error),
+                "template-expression-unsupported", "{error}: only job and task parameters are supported", error=_one_line(error)
             )
         ) from None
     if sum(map(len, words)) > MAX_BYTES:
@@ -319,9 +317,7 @@ def _numbers(definition: Any, name: str) -> list[float]:
     if min(found) < 0:
         raise _fault(
             Sentence(
-                "template-frame-negative",
-                "it has the frame {frame}; a farm's frames begin at 0",
-                frame=str(min(found))[:20],
+                "template-frame-negative", "it has the frame {frame}; a farm's frames begin at 0", frame=str(min(found))[:20]
             )
         )
     if max(found) > MAX_FRAME:

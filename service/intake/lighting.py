@@ -29,7 +29,7 @@ from service.store.database import Sessions
 from service.store.garbage import Garbage
 from service.store.models import ACTIVE_STATES, Environment, Job, Scene
 
-__all__ = ["Lighting", "LitScene"]
+__all__ = ["Lighting", "LitScene", "scene_id_unknown"]
 
 MAX_UNUSED = 12  # unused derived scenes that are kept: users who try lighting often return to one
 RECORD_USE_EVERY_S = 60.0
@@ -178,13 +178,7 @@ class Lighting:
         with self._sessions() as session:
             found = session.get(Scene, id)
         if found is None or found.of is not None:
-            raise NotFound(
-                Sentence(
-                    "scene-id-unknown",
-                    "scene: there is no scene {id}. Upload it first, by POST /api/scenes.",
-                    id=repr(id[:60]),
-                )
-            )
+            raise scene_id_unknown(id)
         return found
 
     def _requested_upload(self, base: Scene, request: Mapping[str, Any]) -> Upload | None:
@@ -228,3 +222,10 @@ class Lighting:
         ref = BlobRef.from_json(found.file)
         suffix = PurePosixPath(found.name).suffix.lower()
         return BlobRef(f"rayfarm-environment-{id}{suffix}", ref.sha256, ref.size)
+
+
+def scene_id_unknown(id: str) -> NotFound:
+    """Returns the error for a request whose field `scene` names no uploaded scene."""
+    return NotFound(
+        Sentence("scene-id-unknown", "scene: there is no scene {id}. Upload it first, by POST /api/scenes.", id=repr(id[:60]))
+    )

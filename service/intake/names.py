@@ -19,18 +19,11 @@ def safe_name(name: str) -> str:
     """Returns the path, normalized and with forward slashes. Raises Invalid if it is not relative, unsafe, empty or too long."""
     shown = ascii(name if len(name) <= 120 else name[:117] + "...")
     if not name:
-        raise Invalid(
-            Sentence(
-                "file-name-missing",
-                "A file has no name. Give every file its name, with folders if it has any.",
-            )
-        )
+        raise Invalid(Sentence("file-name-missing", "A file has no name. Give every file its name, with folders if it has any."))
     if "\\" in name:
         raise Invalid(
             Sentence(
-                "file-name-backslash",
-                "The file name {name} has a backslash. Use forward slashes between folders.",
-                name=shown,
+                "file-name-backslash", "The file name {name} has a backslash. Use forward slashes between folders.", name=shown
             )
         )
     if name.startswith("/") or DRIVE.match(name):
@@ -43,11 +36,7 @@ def safe_name(name: str) -> str:
         )
     if _has_control(name):
         raise Invalid(
-            Sentence(
-                "file-name-control-characters",
-                "The file name {name} has control characters. Rename the file.",
-                name=shown,
-            )
+            Sentence("file-name-control-characters", "The file name {name} has control characters. Rename the file.", name=shown)
         )
     parts = [part for part in name.split("/") if part not in ("", ".")]
     if ".." in parts:

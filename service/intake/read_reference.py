@@ -34,7 +34,7 @@ def as_film(image: bytes, name: str, film: bytes, link: Link) -> dict[str, objec
         raise SceneError(
             Sentence(
                 "reference-image-too-wide",
-                "{name}: is {width}x{height}; a side may have at most 65535 pixels",
+                "{name}: is {width}x{height}; a side may have at most 65535 pixels. Make it smaller.",
                 name=name,
                 width=width,
                 height=height,

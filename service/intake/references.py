@@ -119,10 +119,6 @@ def _read(image: Path, name: str, film: Path) -> dict[str, object]:
         ) from error
     except (KeyError, TypeError, ValueError) as error:
         raise Invalid(
-            Sentence(
-                "image-importer-failed",
-                "{name} cannot be read: its importer ended without a result.",
-                name=name,
-            )
+            Sentence("image-importer-failed", "{name} cannot be read: its importer ended without a result.", name=name)
         ) from error
     return {"width": sides[0], "height": sides[1], "is_display": bool(found.get("is_display")), "clipped": sides[2]}

@@ -45,7 +45,7 @@ _LIMITS = {WORK[name].option: (name, WORK[name]) for name in ("spp", "noise", "s
 _LIGHT = {each.option: (name, each) for name, each in ENVIRONMENT.items() if name != "color"}
 _VIEW = {each.option: (name, each) for name, each in VIEW.items()}
 _DECLARED: Mapping[str, tuple[str, DeclaredSetting]] = {**_PICTURE, **_LIMITS, **_LIGHT, **_VIEW}
-VALUES = frozenset((*TEXTS, *_DECLARED))  # options with a value, those that are no flags
+VALUES = frozenset((*TEXTS, *_DECLARED))  # options with a value, those that are not flags
 
 
 def request_fields(words: Sequence[str], cameras: Sequence[Mapping[str, Any]] | None, image: str | None = None) -> dict[str, Any]:

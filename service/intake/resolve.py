@@ -15,7 +15,7 @@ from service.intake.picture import picture_hash
 from service.shot import Shot
 from service.store.models import Job, Scene
 
-__all__ = ["default_tile_size", "frame_settings", "refusal", "refuse_warnings", "resolve"]
+__all__ = ["check_pixel_count", "default_tile_size", "frame_settings", "refusal", "refuse_warnings", "resolve"]
 
 LIGHT_WARNINGS = {"scene-without-light", "scene-lights-weak"}  # codes of warnings that an environment makes void
 MAX_TILES = 1 << 17  # each takes hundreds of bytes of the engine's memory while the job is rendered
@@ -33,6 +33,20 @@ def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
     return 32 if pixels <= 128 * 128 else 64 if pixels <= 256 * 256 else 128 if pixels <= 2200 * 1300 else 256
 
 
+def check_pixel_count(width: int, height: int, max_pixels: int) -> None:
+    """Raises SettingsError if a frame has more than `max_pixels` pixels."""
+    if width * height > max_pixels:
+        raise SettingsError(
+            Sentence(
+                "frame-pixels-too-many",
+                "width x height is {pixels} pixels; at most {most} are allowed",
+                pixels=width * height,
+                most=max_pixels,
+            ),
+            field="width",
+        )
+
+
 def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     """Sets a job's settings, sample count, tile size and picture key from its request and scene.
 
@@ -46,16 +60,7 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     if request.get("strict"):
         refuse_warnings([*scene.notes, *info.get("warnings", [])], request)
     width, height = _size(request, defaults)
-    if width * height > max_pixels:
-        raise SettingsError(
-            Sentence(
-                "frame-pixels-too-many",
-                "width x height is {pixels} pixels; at most {most} are allowed",
-                pixels=width * height,
-                most=max_pixels,
-            ),
-            field="width",
-        )
+    check_pixel_count(width, height, max_pixels)
     settings = _settings(request, width, height, _resolved_view(request, info.get("cameras") or []), defaults)
     groups = (info.get("names") or {}).get("light_groups")
     if groups is not None:  # None: the scene was prepared by an older release
@@ -68,7 +73,8 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
         raise SettingsError(
             Sentence(
                 "tiles-too-many",
-                "tile_size is {tile_size}, which makes {tiles} tiles per frame; at most {most} are allowed",
+                "tile_size is {tile_size}, which makes {tiles} tiles per frame; at most {most} are allowed: give "
+                "a larger tile_size",
                 tile_size=job.tile_size,
                 tiles=tiles,
                 most=MAX_TILES,

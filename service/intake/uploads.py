@@ -208,7 +208,7 @@ def _record_added_files(
         raise TooLarge(
             Sentence(
                 "scene-files-too-many",
-                "With these the scene has more than {most} files.",
+                "With these the scene has more than {most} files. Leave some out.",
                 most=settings.max_upload_files,
             )
         )
@@ -258,11 +258,7 @@ def _stored_up_axis(requested: str | None, main: str) -> str | None:
     suffix = PurePosixPath(main).suffix.lower()
     if not any(format.suffix == suffix and format.up for format in FORMATS):
         raise Invalid(
-            Sentence(
-                "up-axis-stated-by-file",
-                "up: {format} files state which axis is up; leave up out.",
-                format=suffix,
-            )
+            Sentence("up-axis-stated-by-file", "up: {format} files state which axis is up; leave up out.", format=suffix)
         )
     return requested
 
@@ -303,7 +299,13 @@ def _choose_main_file(names: list[str], requested: str) -> tuple[str, list[str]]
         main, notes = pick_main(names, known)
         if main == known:
             return main, notes
-    raise Invalid(Sentence("main-file-not-in-scene", "main: the scene has no scene file {file}.", file=requested[:200]))
+    raise Invalid(
+        Sentence(
+            "main-file-not-in-scene",
+            "main: the scene has no scene file {file}. Give the path of a scene file within the scene.",
+            file=requested[:200],
+        )
+    )
 
 
 def changed_upload(
@@ -490,18 +492,23 @@ def _choose_main_and_environment(form: Form, files: dict[str, BlobWriter], notes
             raise Invalid(
                 Sentence(
                     "main-file-sequence-missing",
-                    "main: there is no file {file} in the upload, nor one with a number in place of #.",
+                    "main: there is no file {file} in the upload, nor one with a number in place of #. Give a path "
+                    "within the upload.",
                     file=main,
                 )
                 if "#" in main
-                else Sentence("main-file-not-in-upload", "main: there is no file {file} in the upload.", file=main)
+                else Sentence(
+                    "main-file-not-in-upload",
+                    "main: there is no file {file} in the upload. Give a path within the upload.",
+                    file=main,
+                )
             )
     try:
         picked, warnings = pick_main([main] if main else list(files))
     except SceneError as error:
         raise Invalid(str(error)) from None
     if picked in files and files[picked].size == 0:
-        raise Invalid(Sentence("scene-file-zero-bytes", "The scene file {file} is empty.", file=picked))
+        raise Invalid(Sentence("scene-file-zero-bytes", "The scene file {file} is empty. Export it again.", file=picked))
     notes += warnings
     environment = form.fields.get("environment", "").strip() or None
     if environment is not None and environment.startswith(SKY):
@@ -514,7 +521,7 @@ def _choose_main_and_environment(form: Form, files: dict[str, BlobWriter], notes
             raise Invalid(
                 Sentence(
                     "environment-not-in-upload",
-                    "environment: there is no file {file} in the upload.",
+                    "environment: there is no file {file} in the upload. Add it, or give another path.",
                     file=environment,
                 )
             )

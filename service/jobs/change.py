@@ -33,9 +33,9 @@ def change(id: str, patch: JobPatch, visit: Visit, farm: Farm) -> JobOut:
     """
     is_anew = patch.state == "running" and may_begin_anew(id, farm)
     farm.lighting.restore(id)
-    wish = ShotRequest(**patch.model_dump(include=set(ShotRequest.__dataclass_fields__)))
+    request = ShotRequest(**patch.model_dump(include=set(ShotRequest.__dataclass_fields__)))
     for _ in range(TRIES):
-        of_shot = ShotChange.from_request(id, wish, farm)
+        of_shot = ShotChange.from_request(id, request, farm)
         with farm.sessions.begin() as session:
             job = session.get(Job, id, with_for_update=True)
             if job is None:

@@ -17,10 +17,11 @@ from renderer.sentences import Sentence, with_full_stop
 from renderer.variation import Variation
 from service.access.visit import Visit
 from service.clock import deadline_of
-from service.errors import Conflict, Invalid, NotFound
+from service.errors import Conflict, Invalid
 from service.events import RowWritten
 from service.farm import Farm
-from service.intake.resolve import resolve
+from service.intake.lighting import scene_id_unknown
+from service.intake.resolve import check_pixel_count, resolve
 from service.jobs.describe import describe, job_out
 from service.jobs.frame_changes import carry_out_and_describe
 from service.jobs.idempotency import job_with_key, repeated_answer, stored_key
@@ -77,7 +78,7 @@ def check_scene(id: str, visit: Visit, farm: Farm) -> None:
     """Raises NotFound for a scene that the caller does not see, and NotAllowed for one that it may not use."""
     project = farm.access.projects.project_of("scene", id)
     if not visit.sight.is_visible(project):
-        raise _no_scene(id)
+        raise scene_id_unknown(id)
     farm.access.projects.check(project or "", visit.sight)
 
 
@@ -233,40 +234,20 @@ def _scene_to_render(request: JobIn, stored_request: dict[str, Any], farm: Farm)
     return farm.lighting.row(request.scene, stored_request).id
 
 
-def _no_scene(id: str) -> NotFound:
-    return NotFound(
-        Sentence(
-            "scene-id-unknown",
-            "scene: there is no scene {id}. Upload it first, by POST /api/scenes.",
-            id=repr(id[:60]),
-        )
-    )
-
-
 def _check_request(job: Job, scene: Scene | None, farm: Farm) -> None:
     """Resolves the job's settings if its scene is ready. Raises an error if the request can never be rendered."""
     if scene is None or scene.of is not None:
-        raise _no_scene(job.scene)
+        raise scene_id_unknown(job.scene)
     if scene.status == "failed":
         raise Conflict(Sentence("scene-not-renderable", "The scene cannot be rendered: {error}", error=scene.error))
     job.name, job.project = job.name or scene.name, scene.project
-    width, height = job.request["width"], job.request["height"]
-    if width and height and width * height > farm.settings.max_pixels:
-        raise Invalid(
-            Sentence(
-                "frame-pixels-too-many",
-                "width x height is {pixels} pixels; at most {most} are allowed.",
-                pixels=width * height,
-                most=farm.settings.max_pixels,
-            ),
-            field="width",
-        )
-    if scene.status == "ready":
-        try:
+    try:
+        check_pixel_count(job.request["width"] or 0, job.request["height"] or 0, farm.settings.max_pixels)
+        if scene.status == "ready":
             resolve(job, scene, farm.settings.max_pixels)
             _check_variation(job, scene)
-        except SettingsError as error:
-            raise Invalid(with_full_stop(error), field=error.field) from None
+    except SettingsError as error:
+        raise Invalid(with_full_stop(error), field=error.field) from None
 
 
 def _check_variation(job: Job, scene: Scene) -> None:

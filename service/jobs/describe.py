@@ -225,13 +225,11 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
         return Sentence("job-waits-for-light", "Its scene is being prepared with its light.")
     if job.shot is not None and view.roster.frame_preparing_kind() is None:
         return Sentence(
-            "job-waits-for-release",
-            "Waits for a worker of this release: those connected cannot prepare frames of shots.",
+            "job-waits-for-release", "Waits for a worker of this release: those connected cannot prepare frames of shots."
         )
     if job.shot is not None and job.kind is None and job.settings.get("shutter") and view.roster.open_shutter_kind() is None:
         return Sentence(
-            "job-waits-for-motion-blur",
-            "Waits for workers of this release: some of those connected do not support motion blur.",
+            "job-waits-for-motion-blur", "Waits for workers of this release: some of those connected do not support motion blur."
         )
     if _is_stranded(job, view.roster):
         return Sentence(
@@ -241,10 +239,7 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
         )
     slots = [slot for slot in view.roster.current() if slot.get("job") == job.id]
     if slots and all(slot.get("compiling") for slot in slots):
-        return Sentence(
-            "kernel-compiling",
-            "Compiling renderer (first time, about half a minute)",
-        )
+        return Sentence("kernel-compiling", "Compiling renderer (first time, about half a minute)")
     if (numbers := view.jobs.get(job.id)) is not None and numbers.handed_back is not None:
         return Sentence("job-retried", "{reason}. It will be retried.", reason=numbers.handed_back.rstrip("."))
     if ahead := view.ahead.get(job.id):
@@ -293,7 +288,4 @@ def farm_stall_reason(roster: WorkerSnapshot) -> str | None:
             if rest
             else Sentence("job-waits-workers-paused", "Waits: all workers are paused.")
         )
-    return Sentence(
-        "job-waits-for-kernel-load",
-        "Waits for the workers to start.",
-    )
+    return Sentence("job-waits-for-kernel-load", "Waits for the workers to start.")

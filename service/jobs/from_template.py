@@ -32,7 +32,8 @@ def request_of(asked: TemplateIn, visit: Visit, farm: Farm) -> JobIn:
         raise Unavailable(
             Sentence(
                 "templates-not-offered",
-                "This farm reads no job templates: its service lacks the package openjd-model.",
+                "This farm reads no job templates: its service lacks the package openjd-model. Ask the "
+                "administrator of this farm.",
             )
         )
     check_scene(asked.scene, visit, farm)

@@ -44,10 +44,7 @@ def repeated_answer(found: Job, request: dict[str, object], farm: Farm, sight: P
     """Returns the current state of the job that the first request created. Raises Conflict if that request was different."""
     if found.request != request or not sight.is_visible(found.project):
         raise Conflict(
-            Sentence(
-                "idempotency-key-reused",
-                "This Idempotency-Key was used for another request. Use a new key for a new job.",
-            )
+            Sentence("idempotency-key-reused", "This Idempotency-Key was used for another request. Use a new key for a new job.")
         )
     with farm.sessions() as session:
         return job_out(found, session, farm.engine)

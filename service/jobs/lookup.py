@@ -7,14 +7,16 @@ from sqlalchemy.orm import Session
 
 from renderer.frames import frame_key, frame_text
 from renderer.sentences import Sentence
+from renderer.settings import Tile
 from service.access.projects import Kind
-from service.errors import Conflict, NotFound
+from service.errors import Conflict, Invalid, NotFound
 from service.farm import Farm
 from service.store.films import Film
 from service.store.models import FINAL_STATES, Frame, Job, Scene
 
 __all__ = [
     "environment_not_found",
+    "film_of",
     "find_film",
     "find_job",
     "find_picture",
@@ -26,6 +28,7 @@ __all__ = [
     "no_scene",
     "reference_not_found",
     "resource_not_found",
+    "tile_at",
     "without_samples",
 ]
 
@@ -62,16 +65,32 @@ def find_film(id: str, n: float, farm: Farm) -> Film:
     job = find_job(id, farm)
     if not farm.records.has_frame(id, frame_key(n)):
         raise frame_not_found(n)
-    film = farm.film(job, frame_key(n))
+    return film_of(job, farm, frame_key(n))
+
+
+def film_of(job: Job, farm: Farm, key: int = 0) -> Film:
+    """Returns the film of a job. Raises Conflict if there is none yet, and as `Farm.film` does. key: the frame's."""
+    film = farm.film(job, key)
     if film is None:
-        raise Conflict(
+        why = job.error or Sentence("picture-scene-preparing", "its scene is still being prepared.")
+        raise Conflict(Sentence("job-without-picture", "The job has no picture yet: {error}", error=why))
+    return film
+
+
+def tile_at(film: Film, x: int, y: int) -> tuple[int, Tile]:
+    """Returns the index and rectangle of the tile that contains a pixel. Raises Invalid if the pixel is outside the frame."""
+    if x >= film.width or y >= film.height:
+        raise Invalid(
             Sentence(
-                "job-without-picture",
-                "The job has no picture yet: {error}",
-                error=job.error or Sentence("picture-scene-preparing", "its scene is still being prepared."),
+                "pixel-not-in-frame",
+                "There is no pixel {x}, {y}: the frame is {width} x {height}, counted from 0.",
+                x=x,
+                y=y,
+                width=film.width,
+                height=film.height,
             )
         )
-    return film
+    return next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
 
 
 def find_picture(id: str, n: float, farm: Farm) -> Film:
@@ -90,12 +109,7 @@ def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
     if n is not None and error:
         return Conflict(Sentence("frame-without-picture", "The frame has no picture. {error}", error=error))
     if job.state == "finished" or (job.state in FINAL_STATES and recorded):
-        return Conflict(
-            Sentence(
-                "job-film-gone",
-                "The film of this job is missing. Set the job to running to render it again.",
-            )
-        )
+        return Conflict(Sentence("job-film-gone", "The film of this job is missing. Set the job to running to render it again."))
     if job.state in FINAL_STATES:
         why = job.error or Sentence("picture-job-cancelled", "It was cancelled before.")
         return Conflict(

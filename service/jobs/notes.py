@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 from sqlalchemy import Select, delete, func, or_, select
 from sqlalchemy.orm import Session
@@ -27,8 +28,6 @@ from service.models.notes import NoteIn, NoteOut, ReviewOut, Verdict
 from service.store.models import Frame, Job, ReviewNote
 
 __all__ = ["Writer", "add_note", "delete_note", "note_out", "resolve_note", "select_notes", "set_verdict"]
-
-T = TypeVar("T")
 
 MAX_NOTES = 500  # notes and replies of a job
 MAX_OF_LINK = 200  # of these, written by one share link
@@ -83,7 +82,7 @@ def add_note(job: str, asked: NoteIn, writer: Writer, farm: Farm) -> NoteOut:
     if not is_visible(text):
         raise Invalid(Sentence("note-empty", "The note is empty. Write what should change, or what is good."), field="text")
 
-    def add(row: Job, session: Session) -> NoteOut:
+    with _changes(job, writer, farm) as (_, session):
         _check_room(job, writer, session)
         note = ReviewNote(id=secrets.token_hex(6), job=job, author=author, link=writer.link, text=text, created=time.time())
         note.x, note.y, note.reply_to = asked.x, asked.y, asked.reply_to
@@ -98,14 +97,12 @@ def add_note(job: str, asked: NoteIn, writer: Writer, farm: Farm) -> NoteOut:
         session.flush()
         return note_out(note)
 
-    return _changed(job, writer, farm, add)
-
 
 def resolve_note(job: str, note: str, resolved: bool, writer: Writer, farm: Farm) -> NoteOut:
     """Resolves a note, or opens it again. Raises NotFound, Invalid, Conflict for a reply, and OverQuota."""
     author = writer.author()
 
-    def resolve(row: Job, session: Session) -> NoteOut:
+    with _changes(job, writer, farm) as (_, session):
         found = _find_note(job, note, session)
         if found.reply_to is not None:
             raise _is_reply(note)
@@ -114,28 +111,20 @@ def resolve_note(job: str, note: str, resolved: bool, writer: Writer, farm: Farm
             found.resolved_guest = resolved and writer.link is not None
         return note_out(found)
 
-    return _changed(job, writer, farm, resolve)
-
 
 def delete_note(job: str, note: str, writer: Writer, farm: Farm) -> None:
     """Deletes a note with its replies. Raises NotFound and OverQuota."""
-
-    def remove(row: Job, session: Session) -> None:
+    with _changes(job, writer, farm) as (_, session):
         _find_note(job, note, session)
         session.execute(delete(ReviewNote).where(ReviewNote.job == job, or_(ReviewNote.id == note, ReviewNote.reply_to == note)))
-
-    _changed(job, writer, farm, remove)
 
 
 def set_verdict(job: str, verdict: Verdict | None, writer: Writer, farm: Farm) -> ReviewOut:
     """Sets the verdict on a job's pictures, and by whom it was given. Raises NotFound, Invalid and OverQuota."""
     author = writer.author()
-
-    def judge(row: Job, session: Session) -> None:
+    with _changes(job, writer, farm) as (row, _):
         given = {"by": author, "guest": writer.link is not None, "at": time.time()} if verdict is not None else {}
         row.review = {"state": verdict, **given}
-
-    _changed(job, writer, farm, judge)
     with farm.sessions() as session:
         return ReviewOut(**(session.scalar(select(Job.review).where(Job.id == job)) or {}))
 
@@ -158,21 +147,21 @@ def note_out(note: ReviewNote) -> NoteOut:
     )
 
 
-def _changed(job: str, writer: Writer, farm: Farm, change: Callable[[Job, Session], T]) -> T:
-    """Carries out a change in a transaction that holds the job's row, counts the notes again, and notifies open pages."""
+@contextmanager
+def _changes(job: str, writer: Writer, farm: Farm) -> Iterator[tuple[Job, Session]]:
+    """Context manager of a transaction that holds the job's row. Then counts the notes again, and notifies open pages."""
     writer.check_rate(farm)
     with farm.sessions.begin() as session:
         row = session.get(Job, job, with_for_update=True)
         if row is None:
             raise job_not_found(job)
-        found = change(row, session)
+        yield row, session
         session.flush()
         is_open = ReviewNote.reply_to.is_(None) & ReviewNote.resolved.is_(None)
         counts = select(func.count(), func.count().filter(is_open)).where(ReviewNote.job == job)
         notes, still_open = session.execute(counts).one()
         row.review = {**(row.review or {}), "notes": notes, "open": still_open, "changed": time.time()}
     farm.events.publish(RowWritten("job", job))
-    return found
 
 
 def _check_room(job: str, writer: Writer, session: Session) -> None:

@@ -55,11 +55,7 @@ def add_dependencies(job: Job, after: Sequence[str], session: Session) -> None:
         other = session.get(Job, id)
         if other is None or not may_be_used_in(other.project, job.project):
             raise NotFound(
-                Sentence(
-                    "after-job-not-found",
-                    "after: there is no job {id}. Choose an existing job.",
-                    id=repr(id[:60]),
-                )
+                Sentence("after-job-not-found", "after: there is no job {id}. Choose an existing job.", id=repr(id[:60]))
             )
         if other.state in ACTIVE_STATES:
             session.add(Wait(job=job.id, other=id))

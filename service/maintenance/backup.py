@@ -75,7 +75,7 @@ class Manifest:
             raise Invalid(
                 Sentence(
                     "backup-manifest-unreadable",
-                    "{manifest} of the backup cannot be read ({error}).",
+                    "{manifest} of the backup cannot be read ({error}). Use another backup.",
                     manifest=MANIFEST,
                     error=library_message(error),
                 )
@@ -220,9 +220,7 @@ class _Run:
             if _hash(path)[1] != sha256:
                 raise Invalid(
                     Sentence(
-                        "backup-blob-damaged",
-                        "the upload or compiled scene {sha256} was damaged by the disk",
-                        sha256=sha256[:12],
+                        "backup-blob-damaged", "the upload or compiled scene {sha256} was damaged by the disk", sha256=sha256[:12]
                     )
                 )
             self.target.put(name, path)

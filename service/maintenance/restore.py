@@ -116,7 +116,7 @@ def _copy(
             raise Invalid(
                 Sentence(
                     "backup-file-unexpected",
-                    "The backup contains an unexpected file {name}. It is not restored.",
+                    "The backup contains {name}, which does not belong in a backup. Use another backup.",
                     name=repr(name[:100]),
                 )
             )
@@ -153,7 +153,7 @@ def _opened_backup(source: Path) -> Iterator[tuple[int, Iterator[tuple[str, int,
         yield sum(path.stat().st_size for path in paths), files
         return
     if not source.is_file():
-        raise NotFound(Sentence("backup-not-found", "There is no backup {source}.", source=source))
+        raise NotFound(Sentence("backup-not-found", "There is no backup {source}. Check the path.", source=source))
     if not source.name.endswith(ARCHIVES):
         raise Invalid(
             Sentence(
@@ -183,7 +183,7 @@ def _members(tar: tarfile.TarFile) -> Iterator[tuple[str, int, OpenFile]]:
             raise Invalid(
                 Sentence(
                     "backup-entry-not-file",
-                    "The backup contains {name}, which is not a file. It is not restored.",
+                    "The backup contains {name}, which is not a file. Use another backup.",
                     name=repr(member.name[:100]),
                 )
             )

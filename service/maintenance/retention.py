@@ -159,10 +159,7 @@ class Retention:
         with self._asked_lock:
             if self.latest is not None and self.latest.state == "running":
                 raise Conflict(
-                    Sentence(
-                        "retention-already-running",
-                        "A cleanup is already running. GET /api/retention shows its progress.",
-                    )
+                    Sentence("retention-already-running", "A cleanup is already running. GET /api/retention shows its progress.")
                 )
             run = self.latest = Run()
             self._asked_thread = threading.Thread(target=self._carry_out, args=(run, rules), name="retention run", daemon=True)
@@ -223,29 +220,12 @@ class Retention:
                 continue
             age = now - since
             if rules.films_days is not None and age > rules.films_days * DAY_S:
-                found.append(
-                    Item(
-                        "film",
-                        id,
-                        name,
-                        size,
-                        age,
-                        Sentence("retention-older", "older than {days} days", days=f"{rules.films_days:g}"),
-                    )
-                )
+                why = Sentence("retention-older", "older than {days} days", days=f"{rules.films_days:g}")
             elif too_much > 0:
-                found.append(
-                    Item(
-                        "film",
-                        id,
-                        name,
-                        size,
-                        age,
-                        Sentence("retention-films-too-large", "films take more than {most} bytes", most=rules.films_bytes),
-                    )
-                )
+                why = Sentence("retention-films-too-large", "films take more than {most} bytes", most=rules.films_bytes)
             else:
                 continue
+            found.append(Item("film", id, name, size, age, why))
             too_much -= size
         return found
 

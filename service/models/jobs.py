@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, TypeAdapter, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, Field, TypeAdapter, ValidationInfo, field_validator, model_validator
 
 from renderer.cameras import MOST_CAMERAS
 from renderer.errors import SettingsError
@@ -24,14 +24,17 @@ from service.models.strict import Strict
 
 __all__ = [
     "EnvironmentIn",
+    "Floor",
     "FrameOut",
     "FrameState",
     "JobIn",
     "JobOut",
     "JobPatch",
+    "PresetName",
     "ShotOut",
     "SkyIn",
     "TakenOut",
+    "Up",
     "ViewModel",
 ]
 
@@ -102,6 +105,24 @@ class SkyIn(Strict):
     azimuth: float = Field(0.0, ge=-360.0, le=360.0, description="degrees clockwise from -Z, seen from above; 90: +X")
 
 
+def _known_preset(name: str) -> str:
+    if name not in PRESETS:
+        raise ValueError(
+            Sentence(
+                "preset-unknown",
+                "there is no preset {name}; the presets are {presets}",
+                name=repr(name[:60]),
+                presets=[*PRESETS],
+            )
+        )
+    return name
+
+
+PresetName = Annotated[str, AfterValidator(_known_preset)]
+Up = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
+Floor = Literal["on", "auto", "off"]
+
+
 @with_fields(ENVIRONMENT)
 class EnvironmentIn(Strict):
     """Environment lighting that replaces the scene's: a constant linear RGB radiance, a sky, an image or a preset.
@@ -112,21 +133,7 @@ class EnvironmentIn(Strict):
     color: Vec3 | None = None
     sky: SkyIn | None = Field(None, description="a clear sky with a sun")
     image: str | None = Field(None, max_length=100, description="id of an uploaded environment: see /api/environments")
-    preset: str | None = Field(None, json_schema_extra={"enum": [*PRESETS, None]}, description="name of a preset")
-
-    @field_validator("preset")
-    @classmethod
-    def _is_known_preset(cls, value: str | None) -> str | None:
-        if value is not None and value not in PRESETS:
-            raise ValueError(
-                Sentence(
-                    "preset-unknown",
-                    "there is no preset {name}; the presets are {presets}",
-                    name=repr(value[:60]),
-                    presets=[*PRESETS],
-                )
-            )
-        return value
+    preset: PresetName | None = Field(None, json_schema_extra={"enum": [*PRESETS, None]}, description="name of a preset")
 
     @model_validator(mode="after")
     def _has_one_source(self) -> EnvironmentIn:
@@ -179,10 +186,8 @@ class JobIn(QueueOptionsIn):
         max_length=200,
         description="name or number of a variant of the scene's materials; empty: the file's own materials",
     )
-    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] | None = Field(
-        None, description="up axis of an OBJ, PLY, STL or OFF file; `auto`: guessed; null: as uploaded"
-    )
-    floor: Literal["on", "auto", "off"] | None = Field(
+    up: Up | None = Field(None, description="up axis of an OBJ, PLY, STL or OFF file; `auto`: guessed; null: as uploaded")
+    floor: Floor | None = Field(
         None,
         description="a floor below the scene that takes its shadows; `auto`: if the file has no light; null: as uploaded",
     )

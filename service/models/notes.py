@@ -51,7 +51,7 @@ class NoteOut(BaseModel):
     """A note on a picture, or a reply to one."""
 
     id: str = Field(description="id of the note")
-    reply_to: str | None = Field(description="id of the note that this one replies to; null: it is no reply")
+    reply_to: str | None = Field(description="id of the note that this one replies to; null: it is not a reply")
     frame: int | float = Field(description="number of the frame; 0 for a still")
     x: float | None = Field(description="place as a fraction of the picture's width; null: the whole picture")
     y: float | None = Field(description="place as a fraction of the picture's height; null: the whole picture")

@@ -7,8 +7,9 @@ from typing import Any, Literal
 from pydantic import BaseModel, Field
 
 from service.models.coded import Coded
+from service.models.jobs import Floor, PresetName, Up
 
-__all__ = ["MeasuredOut", "SceneOut", "SceneStatus"]
+__all__ = ["MeasuredOut", "PreviewLightIn", "PreviewLightOut", "SceneOut", "SceneStatus"]
 
 SceneStatus = Literal["preparing", "ready", "failed"]
 
@@ -20,6 +21,34 @@ class MeasuredOut(BaseModel):
     noise: float | None = Field(
         description="relative standard error of a pixel at one sample; it falls with the square root of the samples"
     )
+
+
+class PreviewLightIn(BaseModel):
+    """A light that replaces a scene's: a preset, a sky or an image, for the scene as a view shows it."""
+
+    preset: PresetName | None = Field(None, description="name of a preset")
+    elevation: float | None = Field(None, ge=-90.0, le=90.0, description="of the sun of a clear sky, in degrees")
+    azimuth: float = Field(0.0, ge=-360.0, le=360.0, description="of the sun, in degrees clockwise from -Z")
+    image: str | None = Field(None, max_length=100, description="id of an uploaded environment")
+    variant: str | None = Field(None, max_length=200, description="material variant")
+    up: Up | None = Field(None, description="up axis")
+    floor: Floor | None = Field(None, description="floor below the scene")
+
+    @property
+    def request(self) -> dict[str, Any]:
+        """The fields of a view's request."""
+        sky = None if self.elevation is None else {"elevation": self.elevation, "azimuth": self.azimuth}
+        environment = {"preset": self.preset, "sky": sky, "image": self.image}
+        return {"environment": environment, "variant": self.variant, "up": self.up, "floor": self.floor}
+
+
+class PreviewLightOut(BaseModel):
+    """The light of a preview mesh, neither turned nor scaled."""
+
+    width: int = Field(description="columns of the environment's texels")
+    height: int = Field(description="rows of them; 0: it is black")
+    words: str = Field(description="the texels as RGB9E5, little-endian, rows from the top; base64")
+    lamps: list[dict[str, Any]] = Field(description="lamps, with the sun of a sky")
 
 
 class SceneOut(Coded):

@@ -130,7 +130,10 @@ class Ownership:
             raise NotOwner
         if self.is_doubtful and self._heard:
             raise Unavailable(
-                Sentence("farm-ownership-uncertain", "The database does not say whether this service still owns the farm.")
+                Sentence(
+                    "farm-ownership-uncertain",
+                    "The database does not say whether this service still owns the farm. Try again in a moment.",
+                )
             )
 
     def confirm(self) -> None:

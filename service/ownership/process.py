@@ -63,7 +63,7 @@ def kill_process(identity: dict[str, Any]) -> bool:
 def _boot_and_namespace() -> dict[str, str]:
     """Returns the ids of the current boot and of this process's PID namespace, which differs between containers."""
     boot = (PROC / "sys" / "kernel" / "random" / "boot_id").read_text().strip()
-    return {"boot": boot, "numbers": os.readlink(PROC / "self" / "ns" / "pid")}  # noqa: PTH115 - it is no path
+    return {"boot": boot, "numbers": os.readlink(PROC / "self" / "ns" / "pid")}  # noqa: PTH115 - not a path
 
 
 def _is_on_this_machine(identity: dict[str, Any]) -> bool:

@@ -145,9 +145,7 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
         if needed:
             raise Conflict(
                 Sentence(
-                    "environment-in-use",
-                    "{count} unfinished job(s) need this environment. Cancel them first.",
-                    count=needed,
+                    "environment-in-use", "{count} unfinished job(s) need this environment. Cancel them first.", count=needed
                 )
             )
         session.delete(found)
@@ -161,8 +159,8 @@ async def _store_environment(id: str, name: str, file: BlobRef, owner: dict[str,
 
     owner: values of the row's columns about its owner.
     """
-    wish = ShowEnvironment("", id, name, file.sha256, file.size, WIDTH)
-    asked = await run_in_threadpool(farm.engine.show_environment, wish)
+    work = ShowEnvironment("", id, name, file.sha256, file.size, WIDTH)
+    asked = await run_in_threadpool(farm.engine.show_environment, work)
     made = await asyncio.shield(asyncio.wrap_future(asked))
     row = {"id": id, "name": name, "created": time.time(), "thumbnail": made.sha256, **owner}
     row["file"] = {"path": file.path, "sha256": file.sha256, "size": file.size, "parts": []}

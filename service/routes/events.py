@@ -75,7 +75,7 @@ def _event_texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> li
         rows = session.scalars(select(Job).where(Job.id.in_([id for what, id in changed if what == "job"])))
         jobs = {job.id: job.model_dump() for job in jobs_out(list(rows), session, farm.engine, view)}
         found = [(what, id, jobs.get(id) if what == "job" else _item_data(what, id, session, farm)) for what, id in seen]
-    told = []
+    messages = []
     for what, id, data in found:
         if what == "worker" and data is not None:
             data = {**data, "current": redacted_slots(data["current"], sight, projects)}
@@ -84,8 +84,8 @@ def _event_texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> li
         if what == "worker" or sight.is_visible(
             data["project"] if data else projects.cached_project("job" if what == "job" else "scene", id)
         ):
-            told.append((what, id, data))
-    return [EVENTS[what](id, data).to_text() for what, id, data in told]
+            messages.append((what, id, data))
+    return [EVENTS[what](id, data).to_text() for what, id, data in messages]
 
 
 def _item_data(what: str, id: str, session: Session, farm: Farm) -> dict[str, Any] | None:

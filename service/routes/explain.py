@@ -13,13 +13,13 @@ from renderer.film import COLOR, SAMPLES
 from renderer.frames import MAX_FRAME, frame_key
 from renderer.sentences import Sentence
 from renderer.settings import MAX_SPP
-from service.errors import Conflict, Invalid, Unavailable
+from service.errors import Conflict, Unavailable
 from service.events import PreparationRequested
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
 from service.jobs.frame_scene import frame_scene
-from service.jobs.lookup import find_film, find_job
+from service.jobs.lookup import find_film, find_job, tile_at
 from service.store.films import Film
 from service.store.models import Frame, Job, Scene
 from service.viewing.explaining import unreadable_answer
@@ -132,20 +132,10 @@ def explain(
     """
     job = find_job(id, farm)
     film = find_film(id, frame, farm)
-    if x >= film.width or y >= film.height:
-        raise Invalid(
-            Sentence(
-                "pixel-not-in-frame",
-                "There is no pixel {x}, {y}: the frame is {width} x {height}, counted from 0.",
-                x=x,
-                y=y,
-                width=film.width,
-                height=film.height,
-            )
-        )
+    at, tile = tile_at(film, x, y)
     scene, row = _rows(job, frame_key(frame), farm)
     kind = _kind(job, scene, farm)
-    sums, count = _film_sums_at(film, frame_key(frame), x, y)
+    sums, count = _film_sums(film, frame_key(frame), at, x - tile.x, y - tile.y)
     work = _explain_request(job, scene, row, kind, x, y, count, sample)
     found = farm.explaining.explain(work, kind)
     try:
@@ -181,10 +171,7 @@ def _rows(job: Job, key: int, farm: Farm) -> tuple[Scene, Frame | None]:
         scene, row = session.get(Scene, job.compiled_scene_id), session.get(Frame, (job.id, key))
     if scene is None or not scene.compiled:
         raise Conflict(
-            Sentence(
-                "pixel-scene-deleted",
-                "The job's scene was deleted, so no paths can be traced through it. Upload it again.",
-            )
+            Sentence("pixel-scene-deleted", "The job's scene was deleted, so no paths can be traced through it. Upload it again.")
         )
     return scene, row
 
@@ -208,18 +195,17 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
     )
 
 
-def _film_sums_at(film: Film, key: int, x: int, y: int) -> tuple[list[int] | None, int]:
+def _film_sums(film: Film, key: int, at: int, x: int, y: int) -> tuple[list[int] | None, int]:
     """Returns a pixel's sums in the film, for colour and sample count, and the number of consecutive samples from sample 0.
 
-    key: key of the frame (2 * frame number). The sums are None if the film has samples after a gap, or more than can be
-    explained.
+    key: key of the frame (2 * frame number). at: number of the tile. x, y: pixel within the tile. The sums are None if the film
+    has samples after a gap, or more than can be explained.
     """
-    at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
     before, sums, after = film.coverage(key, at), film.tile_sums(key, at), film.coverage(key, at)
     count = after.prefix
     if sums is None or before.total != after.total or after.total != count or count > MAX_SAMPLES:
         return None, count
-    pixel = sums[:, y - tile.y, x - tile.x]
+    pixel = sums[:, y, x]
     return [*map(int, pixel[COLOR]), int(pixel[SAMPLES])], count
 
 
@@ -231,16 +217,13 @@ def _explain_request(
     except SettingsError as error:
         raise Conflict(
             Sentence(
-                "pixel-paths-unavailable",
-                "The paths of this picture cannot be traced: {error}. Render it again.",
-                error=error,
+                "pixel-paths-unavailable", "The paths of this picture cannot be traced: {error}. Render it again.", error=error
             )
         ) from None
     if found is None:
         raise Conflict(
             Sentence(
-                "pixel-frame-not-prepared",
-                "The frame is not prepared yet, so its pixels cannot be explained. Try again later.",
+                "pixel-frame-not-prepared", "The frame is not prepared yet, so its pixels cannot be explained. Try again later."
             )
         )
     moment = None if found.own else found.moment

@@ -174,19 +174,10 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
                 await run_in_threadpool(write_piece, piece)
                 if writer.size > farm.settings.max_blob_bytes:
                     raise TooLarge(
-                        Sentence(
-                            "blob-too-large",
-                            "A blob may have at most {most} bytes.",
-                            most=farm.settings.max_blob_bytes,
-                        )
+                        Sentence("blob-too-large", "A blob may have at most {most} bytes.", most=farm.settings.max_blob_bytes)
                     )
             if writer.sha256 != sha256:
-                raise Invalid(
-                    Sentence(
-                        "blob-hash-mismatch",
-                        "The uploaded bytes do not match their SHA-256. Send them again.",
-                    )
-                )
+                raise Invalid(Sentence("blob-hash-mismatch", "The uploaded bytes do not match their SHA-256. Send them again."))
             await run_in_threadpool(commit)
         finally:
             with anyio.CancelScope(shield=True):

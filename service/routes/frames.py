@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any, Literal
 
@@ -26,7 +27,7 @@ from renderer import film as film_math
 from renderer.frames import MAX_FRAMES, frame_key, frame_text
 from renderer.image.tonemap import key_of
 from renderer.sentences import Sentence
-from renderer.settings import Tile, group_names
+from renderer.settings import group_names
 from service.errors import Invalid
 from service.farm import Farm
 from service.http.curve_name import CurveName
@@ -39,7 +40,7 @@ from service.http.visit import VisitDependency
 from service.jobs.denoised import denoised_artifact, denoised_lights_artifact
 from service.jobs.describe_frames import frame_out, frames_json
 from service.jobs.frame_workers import FrameWorkersOut, frame_workers
-from service.jobs.lookup import find_film, find_job, find_picture, frame_not_found, names_of_ids, without_samples
+from service.jobs.lookup import find_film, find_job, find_picture, frame_not_found, names_of_ids, tile_at, without_samples
 from service.jobs.motion import motion_vectors_of
 from service.models.jobs import FrameOut, FrameState
 from service.store import bands
@@ -164,75 +165,51 @@ async def image(
     """
     curve = await run_in_threadpool(farm.curves.find, tonemap_curve)
     job = await run_in_threadpool(find_job, id, farm)
-    planes, in_layers = _requested_planes(aov, job)
-    if in_shot and not denoise:
-        raise Invalid(Sentence("in-shot-needs-denoise", "in_shot: only a denoised picture is averaged; add denoise=true."))
-    is_preview = preview and denoise and not in_shot
-    groups = group_names((job.settings or {}).get("light_groups", ""))
-    group = planes[0].removeprefix(aovs.LIGHT) if len(planes) == 1 and not in_layers and aovs.is_light(planes[0]) else None
-    if denoise and planes and group not in groups:
-        raise Invalid(
-            Sentence("denoise-only-colour", "denoise: only the colour, or one light group, can be denoised; leave aov out.")
-        )
-    gains = gains_of_mix(mix, groups)
-    if gains and planes:
-        raise Invalid(Sentence("mix-only-colour", "mix: only the colour can be mixed; leave aov out."))
-    of_lights = denoise and bool(planes or gains)
-    if of_lights and in_shot:
-        raise Invalid(
-            Sentence("in-shot-without-lights", "in_shot: only the colour as rendered is averaged; leave aov and mix out.")
-        )
-    if of_lights and not gains:
-        gains = tuple((1.0, 1.0, 1.0) if name == group else (0.0, 0.0, 0.0) for name in groups)
-    is_preview = is_preview and not of_lights
-    PictureRequest(extension, planes, in_layers, curve=curve, width=width, gain_map=gain_map).check()
+    look = {"exposure": exposure, "curve": curve, "width": width, "visible": visible, "gain_map": gain_map}
+    picture = _picture_request(extension, aov, mix, job, denoise=denoise, in_shot=in_shot, **look)
+    is_preview = preview and denoise and not in_shot and not picture.lights
     film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
     asks_head = is_head(request)
     if not denoise or asks_head:
         denoised = None
-    elif of_lights:
+    elif picture.lights:
         denoised = await denoised_lights_artifact(job, n, film, farm)
     else:
         denoised = await denoised_artifact(job, n, film, farm, in_shot=in_shot, is_preview=is_preview, waits=wait)
     if denoised is not None:
         version, samples, is_preview = denoised.version, denoised.samples, denoised.is_preview
-    clean = f"{denoise}{is_preview}"
-    key = f"{version} {clean} {extension} {planes} {in_layers} {exposure} {key_of(curve)} {width} {visible} {gains} {gain_map}"
-    headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
-    headers[SAMPLES_HEADER] = str(samples)
+        picture = replace(picture, denoised=partial(farm.blobs.open, denoised.sha256))
+    headers = {
+        "ETag": _etag(picture, f"{version} {denoise}{is_preview}"),
+        "Cache-Control": "no-cache",
+        SAMPLES_HEADER: str(samples),
+    }
     if denoised is not None and is_preview:
         headers["X-Preview"] = "true"
     known = request.headers.get("if-none-match", "")
     if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)
-    kind = "layers" if in_layers else planes[0] if planes else "mix" if gains else ""
-    kind = "-".join([*filter(None, [kind]), *(["denoised"] if denoise else [])])
-    headers["Content-Disposition"] = content_disposition(picture_name(job, n, samples, kind, extension))
+    content = [_content_name(picture), "denoised" if denoise else ""]
+    name = picture_name(job, n, samples, "-".join(filter(None, content)), extension)
+    headers["Content-Disposition"] = content_disposition(name)
     if asks_head:
         if denoise:
             del headers["ETag"]  # the response has the ETag of the denoised picture
         return headers_response(headers, MEDIA[extension])
-    blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
-    motion = await motion_vectors_of(job, n, film, farm) if aovs.MOTION in planes else None
-    names = await run_in_threadpool(names_of_ids, id, farm) if any(map(aovs.is_matte, planes)) else {}
-    wish = PictureRequest(
-        extension,
-        planes,
-        in_layers,
-        exposure,
-        curve,
-        width,
-        blob,
-        len(groups) if of_lights else 0,
-        motion,
-        names_of_ids=names,
-        visible=visible,
-        gains=gains,
-        gain_map=gain_map,
-    )
+    if aovs.MOTION in picture.planes:
+        picture = replace(picture, motion=await motion_vectors_of(job, n, film, farm))
+    if any(map(aovs.is_matte, picture.planes)):
+        picture = replace(picture, names_of_ids=await run_in_threadpool(names_of_ids, id, farm))
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.run(
-        (id, n, headers["ETag"]), picture_memory(film, wish), picture_file, film, frame_key(n), wish, folder, user=visit.queue
+        (id, n, headers["ETag"]),
+        picture_memory(film, picture),
+        picture_file,
+        film,
+        frame_key(n),
+        picture,
+        folder,
+        user=visit.queue,
     )
     headers["Content-Length"] = str(made.size)
     if made.span is not None:
@@ -303,25 +280,9 @@ async def pixel(
     return await anyio.to_thread.run_sync(_pixel, id, n, farm, x, y, limiter=farm.tiles)
 
 
-def _tile_at(film: Film, x: int, y: int) -> tuple[int, Tile]:
-    """Returns the index and rectangle of the tile that contains a pixel. Raises Invalid if the pixel is outside the frame."""
-    if x >= film.width or y >= film.height:
-        raise Invalid(
-            Sentence(
-                "pixel-not-in-frame",
-                "There is no pixel {x}, {y}: the frame is {width} x {height}, counted from 0.",
-                x=x,
-                y=y,
-                width=film.width,
-                height=film.height,
-            )
-        )
-    return next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
-
-
 def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
     film = find_picture(id, n, farm)
-    at, tile = _tile_at(film, x, y)
+    at, tile = tile_at(film, x, y)
     sums = film.tile_sums(frame_key(n), at)
     sums = (
         np.zeros((film_math.plane_count(len(film.groups), film.is_transparent), 1, 1), np.int64)
@@ -359,11 +320,11 @@ def tile_log(
     Of successful batches, it has only the latest 16 since the service started.
     """
     film = find_film(id, n, farm)
-    at, _ = _tile_at(film, x, y)
+    at, _ = tile_at(film, x, y)
     about = re.compile(rf"\btile {at}, frame {re.escape(frame_text(n))}(?!\.?\d)")
-    told = [line for line in farm.engine.logs.text(id).decode(errors="replace").splitlines() if about.search(line)]
-    told += farm.engine.logs.tiles.text(id, frame_key(n), at).splitlines()
-    return "".join(f"{line}\n" for line in sorted(told))
+    lines = [line for line in farm.engine.logs.text(id).decode(errors="replace").splitlines() if about.search(line)]
+    lines += farm.engine.logs.tiles.text(id, frame_key(n), at).splitlines()
+    return "".join(f"{line}\n" for line in sorted(lines))
 
 
 @router.get("/{n}/workers", response_model=FrameWorkersOut)
@@ -381,6 +342,49 @@ async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependenc
         (id, n, "digest", version), bands.digest_memory(film), bands.digest, film, frame_key(n), folder, user=visit.queue
     )
     return Digest(digest=made, samples=samples)
+
+
+def _picture_request(
+    extension: str, aov: str, mix: str, job: Job, *, denoise: bool, in_shot: bool, **look: Any
+) -> PictureRequest:
+    """Returns the picture that the parameters of `image` request, without the files that workers make for it. Raises Invalid.
+
+    look: fields of PictureRequest.
+    """
+    planes, in_layers = _requested_planes(aov, job)
+    if in_shot and not denoise:
+        raise Invalid(Sentence("in-shot-needs-denoise", "in_shot: only a denoised picture is averaged; add denoise=true."))
+    groups = group_names((job.settings or {}).get("light_groups", ""))
+    group = planes[0].removeprefix(aovs.LIGHT) if len(planes) == 1 and not in_layers and aovs.is_light(planes[0]) else None
+    if denoise and planes and group not in groups:
+        raise Invalid(
+            Sentence("denoise-only-colour", "denoise: only the colour, or one light group, can be denoised; leave aov out.")
+        )
+    gains = gains_of_mix(mix, groups)
+    if gains and planes:
+        raise Invalid(Sentence("mix-only-colour", "mix: only the colour can be mixed; leave aov out."))
+    of_lights = denoise and bool(planes or gains)
+    if of_lights and in_shot:
+        raise Invalid(
+            Sentence("in-shot-without-lights", "in_shot: only the colour as rendered is averaged; leave aov and mix out.")
+        )
+    if of_lights and not gains:
+        gains = tuple((1.0, 1.0, 1.0) if name == group else (0.0, 0.0, 0.0) for name in groups)
+    picture = PictureRequest(extension, planes, in_layers, lights=len(groups) if of_lights else 0, gains=gains, **look)
+    picture.check()
+    return picture
+
+
+def _etag(picture: PictureRequest, version: str) -> str:
+    """Returns the ETag of a picture. version: of its samples, and how they are denoised."""
+    look = f"{picture.exposure} {key_of(picture.curve)} {picture.width} {picture.visible} {picture.gains} {picture.gain_map}"
+    key = f"{version} {picture.extension} {picture.planes} {picture.in_layers} {look}"
+    return f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"'
+
+
+def _content_name(picture: PictureRequest) -> str:
+    """Returns the part of a file name that says what a picture shows; empty for the colour."""
+    return "layers" if picture.in_layers else picture.planes[0] if picture.planes else "mix" if picture.gains else ""
 
 
 def _requested_planes(text: str, job: Job) -> tuple[tuple[str, ...], bool]:

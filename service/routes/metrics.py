@@ -20,6 +20,21 @@ __all__ = ["render"]
 STANDBY_RECENT_S = 10.0
 
 
+COUNTERS = {  # by metric: the engine's counter, and its description
+    "rayfarm_batches_merged": ("merged", "Batches added to a film"),
+    "rayfarm_batches_dropped": ("dropped", "Duplicate or late batches"),
+    "rayfarm_batches_failed": ("failed", "Batches that failed"),
+    "rayfarm_batches_lost": ("lost", "Batches dispatched again"),
+    "rayfarm_batches_doubled": ("doubled", "Batches of slow workers also given to a second worker"),
+    "rayfarm_batches_verified": ("verified", "Batches rendered at least twice and compared"),
+    "rayfarm_batches_differed": ("differed", "Batches with differing results"),
+    "rayfarm_workers_distrusted": ("distrusted", "Workers excluded because their results differed from those of others"),
+    "rayfarm_results": ("results", "Results of workers, each of one batch or of several merged batches"),
+    "rayfarm_result_bytes": ("result_bytes", "Bytes of results as received"),
+    "rayfarm_messages_put_aside": ("put_aside", "Messages of workers that could not be processed"),
+}
+
+
 class _Collector:
     def __init__(self, farm: Farm) -> None:
         self._farm = farm
@@ -59,22 +74,8 @@ class _Collector:
         )
         yield GaugeMetricFamily("rayfarm_film_samples", "Samples in the films", float(samples or 0))
         yield GaugeMetricFamily("rayfarm_film_bad_samples", "Samples excluded as NaN or infinite", float(bad or 0))
-        for name, text in (
-            ("merged", "Batches added to a film"),
-            ("dropped", "Duplicate or late batches"),
-            ("failed", "Batches that failed"),
-            ("lost", "Batches dispatched again"),
-            ("doubled", "Batches of slow workers also given to a second worker"),
-            ("verified", "Batches rendered at least twice and compared"),
-            ("differed", "Batches with differing results"),
-        ):
-            yield CounterMetricFamily(f"rayfarm_batches_{name}", text, view.counts.get(name, 0))
-        text = "Workers excluded because their results differed from those of others"
-        yield CounterMetricFamily("rayfarm_workers_distrusted", text, view.counts.get("distrusted", 0))
-        text = "Results of workers, each of one batch or of several merged batches"
-        yield CounterMetricFamily("rayfarm_results", text, view.counts.get("results", 0))
-        text = "Messages of workers that could not be processed"
-        yield CounterMetricFamily("rayfarm_messages_put_aside", text, view.counts.get("put_aside", 0))
+        for name, (counter, text) in COUNTERS.items():
+            yield CounterMetricFamily(name, text, view.counts.get(counter, 0))
         owner = rows.current_owner(self._farm.sessions)
         yield GaugeMetricFamily("rayfarm_owner", "1 if this service is active, 0 if it is a standby", 1.0)
         text = "Number of takeovers from a service that had ended or hung"
@@ -82,8 +83,6 @@ class _Collector:
         asked_at = owner.asked_at if owner is not None else None
         is_there = asked_at is not None and time.time() - asked_at < STANDBY_RECENT_S
         yield GaugeMetricFamily("rayfarm_standby", "1 while a standby service is present", float(is_there))
-        text = "Bytes of results as received"
-        yield CounterMetricFamily("rayfarm_result_bytes", text, view.counts.get("result_bytes", 0))
         yield GaugeMetricFamily("rayfarm_engine_up", "1 while the scheduler is running", 0.0 if view.fault else 1.0)
 
 

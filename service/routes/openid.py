@@ -110,9 +110,6 @@ def _cookies(request: Request) -> dict[str, str]:
 def _oidc(farm: Farm) -> Oidc:
     if farm.access.oidc is None:
         raise NotFound(
-            Sentence(
-                "openid-not-configured",
-                "This farm has no OpenID provider. Log in with name and password, or with a link.",
-            )
+            Sentence("openid-not-configured", "This farm has no OpenID provider. Log in with name and password, or with a link.")
         )
     return farm.access.oidc

@@ -118,10 +118,7 @@ def remove_user(name: str, visit: VisitDependency, farm: FarmDependency) -> None
     """Deletes a user with all credentials. The user's scenes and jobs stay."""
     if visit.caller is not None and visit.caller.name == name:
         raise Conflict(
-            Sentence(
-                "user-remove-self",
-                "You cannot remove yourself. Another administrator can, or `rayfarm user remove`.",
-            )
+            Sentence("user-remove-self", "You cannot remove yourself. Another administrator can, or `rayfarm user remove`.")
         )
     farm.access.users.remove(name)
 

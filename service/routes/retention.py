@@ -66,14 +66,14 @@ class RetentionOut(Coded):
 
 
 @router.post("", response_model=RetentionOut, responses={202: {"model": RetentionOut, "description": "It has begun."}})
-def let_go(wish: RetentionIn, farm: FarmDependency, response: Response) -> RetentionOut:
+def let_go(request: RetentionIn, farm: FarmDependency, response: Response) -> RetentionOut:
     """Lists what these rules allow to delete. With dry_run false, starts the deletion and responds 202; `GET` shows its progress.
 
     Data of unfinished and pinned jobs is never deleted.
     """
-    rules = Rules(**wish.model_dump(exclude={"dry_run"}))
+    rules = Rules(**request.model_dump(exclude={"dry_run"}))
     rules = farm.rules if rules.is_empty else rules
-    if wish.dry_run:
+    if request.dry_run:
         items = farm.retention.deletable_items(rules)
         return _retention_out(Run("running", len(items), 0, items), "planned")
     response.status_code, response.headers["Location"] = 202, router.prefix
@@ -86,10 +86,7 @@ def retention_run(farm: FarmDependency) -> RetentionOut:
     run = farm.retention.latest
     if run is None:
         raise NotFound(
-            Sentence(
-                "retention-never-run",
-                "No cleanup was started since the service started. POST /api/retention starts one.",
-            )
+            Sentence("retention-never-run", "No cleanup was started since the service started. POST /api/retention starts one.")
         )
     return _retention_out(run)
 

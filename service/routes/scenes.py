@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+import base64
 from typing import Annotated, Any
 
 from fastapi import Query, Request, Response
 from fastapi.responses import StreamingResponse
 
-from protocol.mesh import MESH
 from renderer.sentences import Sentence
 from service.errors import NotFound
 from service.farm import Farm
@@ -18,9 +17,10 @@ from service.http.routers import api_router
 from service.http.single_upload import check_length, check_upload_quota
 from service.http.visit import InProject, IntoProject, VisitDependency
 from service.jobs.lookup import find_scene
-from service.models.scenes import SceneOut
+from service.models.scenes import PreviewLightIn, PreviewLightOut, SceneOut
 from service.scenes.delete import delete
 from service.scenes.describe import scene_out
+from service.scenes.light import current_preview, preview_light
 from service.scenes.listing import SceneFilter
 from service.scenes.upload import UploadRequest
 from service.scenes.upload import upload as store
@@ -162,21 +162,24 @@ def preview(id: str, request: Request, farm: FarmDependency) -> Response:
 
     It is a packet for the page, whose layout may change with each release.
     """
-    progress = farm.engine.snapshot.preparing.get(id)  # first: it ends once the scene's own row has the preview
-    scene = find_scene(id, farm)
-    ref = (scene.info or {}).get("preview") or (asdict(progress.preview.preview) if progress and progress.preview else None)
-    if not ref or not _is_current(ref, farm):
+    progress = farm.engine.snapshot.preparing.get(id)
+    ref = current_preview(find_scene(id, farm), progress, farm)
+    if ref is None:
         raise NotFound(Sentence("scene-without-preview", "This scene has no preview yet."))
     return _blob(ref, "application/octet-stream", request, farm)
 
 
-def _is_current(ref: dict[str, Any], farm: Farm) -> bool:
-    """Returns False for a mesh in the layout of another version, which the page does not read."""
-    try:
-        MESH.unpack(next(iter(farm.blobs.serve(ref["sha256"]).chunks), b""))
-    except ValueError:
-        return False
-    return True
+@router.get("/{id}/preview-light", response_model=PreviewLightOut | None)
+def light(id: str, farm: FarmDependency, chosen: Annotated[PreviewLightIn, Query()]) -> PreviewLightOut | None:
+    """Returns the light of the preview mesh in another environment: of a preset without a sun at once, else once a view needs it.
+
+    null until then. Its fields may change with each release.
+    """
+    found = preview_light(id, chosen.request, farm)
+    if found is None:
+        return None
+    words = base64.b64encode(found.words).decode()
+    return PreviewLightOut(width=found.width, height=found.height, words=words, lamps=found.lamps)
 
 
 def _blob(ref: dict[str, Any], media_type: str, request: Request, farm: Farm) -> Response:

@@ -64,9 +64,9 @@ def list_shares(farm: FarmDependency, visit: VisitDependency, page: PageDependen
         terms = _terms(session)
         jobs = _jobs(session, terms)
         names = {share_of(user) for user in session.scalars(select(User.name))}
-    told = page.slice_of([share for share in sorted(names | terms.keys() | jobs.keys()) if _may_see_share(share, visit)])
+    shown = page.slice_of([share for share in sorted(names | terms.keys() | jobs.keys()) if _may_see_share(share, visit)])
     slots = _slots(farm, terms)
-    return [_share_out(share, terms.get(share, Terms()), slots, jobs) for share in told]
+    return [_share_out(share, terms.get(share, Terms()), slots, jobs) for share in shown]
 
 
 def _may_see_share(share: str, visit: Visit) -> bool:

@@ -26,7 +26,7 @@ from service.http.head_requests import headers_response, is_head
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_numbers
-from service.jobs.lookup import find_job, names_of_ids, without_samples
+from service.jobs.lookup import film_of, find_job, names_of_ids, without_samples
 from service.jobs.motion import motion_vectors_of
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.shot import Shot
@@ -65,11 +65,11 @@ async def frames_zip(
     as it is finished.
     """
     job = await run_in_threadpool(find_job, id, farm)
-    wish = _picture_request(format, aov, exposure, await run_in_threadpool(farm.curves.find, tonemap_curve), job)
-    if any(map(aovs.is_matte, wish.planes)):
-        wish = replace(wish, names_of_ids=await run_in_threadpool(names_of_ids, id, farm))
+    picture = _picture_request(format, aov, exposure, await run_in_threadpool(farm.curves.find, tonemap_curve), job)
+    if any(map(aovs.is_matte, picture.planes)):
+        picture = replace(picture, names_of_ids=await run_in_threadpool(names_of_ids, id, farm))
     found = await run_in_threadpool(_selected_frames, job, frames, farm)
-    film = await run_in_threadpool(_film, job, farm)
+    film = await run_in_threadpool(film_of, job, farm)
     if which != "coming" and not any(_is_selected(frame, which) for frame in found.values()):
         raise Conflict(
             Sentence(
@@ -84,7 +84,7 @@ async def frames_zip(
     }
     if is_head(request):
         return headers_response(headers, "application/zip")
-    stream = _zip_frames(job, film, wish, frames, which, farm, visit.queue)
+    stream = _zip_frames(job, film, picture, frames, which, farm, visit.queue)
     return StreamingResponse(stream, media_type="application/zip", headers=headers)
 
 
@@ -109,13 +109,13 @@ async def get_movie(
 ) -> StreamingResponse:
     """Returns the frames that have samples as a movie: H.264, AV1, or animated WebP; tone-mapped as for PNG."""
     curve = await run_in_threadpool(farm.curves.find, tonemap_curve)
-    wish = PictureRequest(extension, exposure=exposure, curve=curve, width=width)
+    picture = PictureRequest(extension, exposure=exposure, curve=curve, width=width)
     job = await run_in_threadpool(find_job, id, farm)
     chosen = await run_in_threadpool(_selected_frames, job, frames, farm)
     shown = {key: frame.samples for key, frame in chosen.items() if frame.samples}
     if not shown:
         raise Conflict(Sentence("shot-without-samples", "No frame has samples yet. Try again in a moment."))
-    film = await run_in_threadpool(_film, job, farm)
+    film = await run_in_threadpool(film_of, job, farm)
     if await run_in_threadpool(lambda: film.is_empty):
         raise without_samples(job, farm)
     speed = await run_in_threadpool(_fps, job, farm) if fps is None else fps
@@ -124,14 +124,14 @@ async def get_movie(
     headers["X-Frames"] = str(len(keys))
     if is_head(request):
         return headers_response(headers, MOVIE_MEDIA[extension])
-    make = partial(movie, film, keys, wish, speed, farm.settings.data / "tmp")
-    made = await farm.pictures.run((id, "movie", wish, speed, content), movie_memory(film, wish), make, user=visit.queue)
+    make = partial(movie, film, keys, picture, speed, farm.settings.data / "tmp")
+    made = await farm.pictures.run((id, "movie", picture, speed, content), movie_memory(film, picture), make, user=visit.queue)
     headers["Content-Length"] = str(made.size)
     return StreamingResponse(made.pieces(), media_type=MOVIE_MEDIA[extension], headers=headers)
 
 
 async def _zip_frames(
-    job: Job, film: Film, wish: PictureRequest, frames: str | None, which: str, farm: Farm, user: str
+    job: Job, film: Film, picture: PictureRequest, frames: str | None, which: str, farm: Farm, user: str
 ) -> AsyncIterator[bytes]:
     stream = ZipStream()
     folder = farm.settings.data / "tmp"
@@ -144,13 +144,13 @@ async def _zip_frames(
                 if key in done or not _is_selected(frame, which):
                     continue
                 done.add(key)
-                if aovs.MOTION in wish.planes:
-                    wish = replace(wish, motion=await motion_vectors_of(now, frame_number(key), film, farm))
-                about = (job.id, "zip", key, film.version(key), wish)
+                if aovs.MOTION in picture.planes:
+                    picture = replace(picture, motion=await motion_vectors_of(now, frame_number(key), film, farm))
+                about = (job.id, "zip", key, film.version(key), picture)
                 made = await farm.pictures.run(
-                    about, picture_memory(film, wish), picture_file, film, key, wish, folder, user=user
+                    about, picture_memory(film, picture), picture_file, film, key, picture, folder, user=user
                 )
-                name = frame_name(f"{_title(job)}.####.{wish.extension}", frame_number(key))
+                name = frame_name(f"{_title(job)}.####.{picture.extension}", frame_number(key))
                 async for piece in iterate_in_threadpool(stream.file(name, made)):
                     yield piece
             is_over = now.state in FINAL_STATES or all(frame.state in ("finished", "failed") for frame in found.values())
@@ -166,9 +166,9 @@ def _is_selected(frame: FrameNumbers, which: str) -> bool:
 
 def _picture_request(format: str, aov: str, exposure: float, curve: Curve, job: Job) -> PictureRequest:
     planes = plane_names(map(str.strip, aov.split(",")), job.settings or {})
-    wish = PictureRequest(format, planes, bool(planes), exposure, curve)
-    wish.check()
-    return wish
+    picture = PictureRequest(format, planes, bool(planes), exposure, curve)
+    picture.check()
+    return picture
 
 
 def _selected_frames(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]:
@@ -183,19 +183,6 @@ def _selected_frames(job: Job, frames: str | None, farm: Farm) -> dict[int, Fram
     with farm.sessions() as session:
         found = frame_numbers(job, session, farm.engine)
     return {key: frame for key, frame in found if keys is None or key in keys}
-
-
-def _film(job: Job, farm: Farm) -> Film:
-    film = farm.film(job)
-    if film is None:
-        raise Conflict(
-            Sentence(
-                "job-without-picture",
-                "The job has no picture yet: {error}",
-                error=job.error or Sentence("picture-scene-preparing", "its scene is still being prepared."),
-            )
-        )
-    return film
 
 
 def _fps(job: Job, farm: Farm) -> float:

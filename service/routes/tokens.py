@@ -74,10 +74,7 @@ def list_tokens(
     if everybody and not is_admin:
         raise Problem(
             403,
-            Sentence(
-                "tokens-of-others-hidden",
-                "Only administrators see others' tokens. Leave `all` out to see your own.",
-            ),
+            Sentence("tokens-of-others-hidden", "Only administrators see others' tokens. Leave `all` out to see your own."),
         )
     query = farm.access.keys.select_valid(("token", "worker") if is_admin else ("token",), None if everybody else caller.name)
     with farm.sessions() as session:
@@ -103,8 +100,7 @@ def make_token(body: TokenIn, visit: VisitDependency, farm: FarmDependency) -> N
             raise Problem(
                 403,
                 Sentence(
-                    "worker-token-needs-admin",
-                    "Only administrators may add workers. Ask one of them for a worker's token.",
+                    "worker-token-needs-admin", "Only administrators may add workers. Ask one of them for a worker's token."
                 ),
             )
         secret, row = farm.access.keys.create("worker", caller.name, Role.NOBODY, name, lasts_s)

@@ -93,7 +93,8 @@ def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
         raise Unavailable(
             Sentence(
                 "worker-log-unavailable",
-                "The worker did not send its log: it is still starting, is of an older release, or hangs.",
+                "The worker did not send its log: it is still starting, is of an older release, or hangs. Try "
+                "again, or restart it.",
             )
         )
     return lines

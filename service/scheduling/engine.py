@@ -338,10 +338,7 @@ class Engine:
 
     def _log_unexpected(self, error: Exception) -> str:
         sentence = Sentence(
-            "engine-error",
-            "The scheduler failed ({name}: {error}); see the log.",
-            name=type(error).__name__,
-            error=error,
+            "engine-error", "The scheduler failed ({name}: {error}); see the log.", name=type(error).__name__, error=error
         )
         if self._fault != sentence or time.monotonic() - self._traced >= TRACE_EVERY_S:  # it may recur at every step
             self._traced = time.monotonic()

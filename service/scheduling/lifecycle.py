@@ -290,7 +290,9 @@ class Lifecycle:
     def fail_lost_frame(self, job: ActiveJob, frame: ActiveFrame) -> None:
         """Fails a frame whose preparation was repeatedly lost together with its worker."""
         error = Sentence(
-            "worker-lost-preparing-frame", "The worker was lost three times while it prepared this frame. It may be too large."
+            "worker-lost-preparing-frame",
+            "The worker was lost three times while it prepared this frame. Make the scene smaller, or give "
+            "the worker more memory.",
         )
         self._bulkheads.run(job.id, Step.RECORD, lambda: job.fail_frame(frame, error))
 
@@ -358,7 +360,8 @@ class Lifecycle:
         """Fails a scene whose preparation was repeatedly lost together with its worker."""
         error = Sentence(
             "worker-lost-preparing-scene",
-            "The worker was lost three times while it prepared this scene. It may be too large.",
+            "The worker was lost three times while it prepared this scene. Make the scene smaller, or give "
+            "the worker more memory.",
         )
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 

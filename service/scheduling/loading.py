@@ -105,7 +105,7 @@ class Loading:
             )
         elif scene.status == "failed":
             self._records.mark_failed(
-                row.id, scene.error or Sentence("scene-preparation-failed", "The scene cannot be prepared.")
+                row.id, scene.error or Sentence("scene-preparation-failed", "The scene cannot be prepared. Upload it again.")
             )
         if scene is None or scene.status != "ready":
             return

@@ -238,10 +238,7 @@ class Records:
             found = session.scalar(select(Frame.settings).where(Frame.job == job, Frame.number == frame))
         if found is None:
             raise Conflict(
-                Sentence(
-                    "frame-record-damaged",
-                    "The record of a frame of this job is damaged. Render its frames again.",
-                )
+                Sentence("frame-record-damaged", "The record of a frame of this job is damaged. Render its frames again.")
             )
         return RenderSettings.from_json(found)
 
@@ -286,8 +283,8 @@ class Records:
     def store_progress(self, job: ActiveJob) -> None:
         """Stores the progress of a job, or that of the changed frames of a shot."""
         with self._sessions.begin() as session:
-            told = {"active_s": job.active_s} | ({"history": job.history.to_json()} if job.history.has_changed else {})
-            session.execute(update(Job).where(Job.id == job.id).values(told), execution_options=NO_SYNCHRONIZE)
+            progress_values = {"active_s": job.active_s} | ({"history": job.history.to_json()} if job.history.has_changed else {})
+            session.execute(update(Job).where(Job.id == job.id).values(progress_values), execution_options=NO_SYNCHRONIZE)
             if job.shot is None:
                 _write_still(session, job)
             else:

@@ -1,5 +1,6 @@
 /** Notes on the picture of a share link that allows them: pins, the list with replies, the verdict, and forms. */
 
+import { h } from "/js/base/dom.js";
 import { filled, moment, words } from "./words.js";
 
 const KEY = "rayfarm-guest";
@@ -8,25 +9,8 @@ const LONGEST_NAME = 60;
 const STEP = 0.01;
 const SHORT = 80;
 
-/**
- * Creates an element. Texts are always text, never markup.
- *
- * @param {string} tag
- * @param {Record<string, any>} [props] attributes, and `on…` listeners
- * @param {...(Node | string | null | false)} children
- */
-function make(tag, props = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(props)) {
-    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
-    else if (value !== null && value !== false) element.setAttribute(name, value === true ? "" : String(value));
-  }
-  element.append(...children.filter((child) => child !== null && child !== false));
-  return element;
-}
-
 /** @param {string} label @param {() => void} run @param {Record<string, any>} [props] */
-const button = (label, run, props = {}) => make("button", { type: "button", class: "button", onclick: run, ...props }, label);
+const button = (label, run, props = {}) => h("button", { type: "button", class: "button", onclick: run, ...props }, label);
 
 /**
  * Ctrl-Enter in a text sends its form, Escape cancels it.
@@ -64,29 +48,29 @@ export function notesPanel(ask, { picture, frame, frames, show: showFrame }) {
   let spot = null;
   let draft = null;
 
-  const name = make("input", { id: "guest", type: "text", maxlength: LONGEST_NAME, autocomplete: "name" });
+  const name = h("input", { id: "guest", type: "text", maxlength: LONGEST_NAME, autocomplete: "name" });
   name.value = storedName();
-  const error = make("p", { class: "error", role: "alert", hidden: true });
+  const error = h("p", { class: "error", role: "alert", hidden: true });
   const verdicts = [
     ["approved", words.approve],
     ["changes-requested", words.change],
   ].map(([state, label]) => button(label, () => judge(state), { "aria-pressed": "false", "data-state": state }));
-  const verdict = make("p", { class: "quiet", role: "status" });
+  const verdict = h("p", { class: "quiet", role: "status" });
   const add = button(words.add, () => write());
-  const area = make("textarea", { rows: 3, maxlength: LONGEST, "aria-label": words.text });
-  const hint = make("p", { class: "quiet" });
+  const area = h("textarea", { rows: 3, maxlength: LONGEST, "aria-label": words.text });
+  const hint = h("p", { class: "quiet" });
   const place = button(words.pin, () => (setSpot(spot ?? { x: 0.5, y: 0.5 }), draft.focus()));
-  const form = make("form", { hidden: true }, area, hint, make("div", { class: "row" }, make("button", { class: "button primary" }, words.saveNote), place, button(words.cancel, () => close())));
+  const form = h("form", { hidden: true }, area, hint, h("div", { class: "row" }, h("button", { class: "button primary" }, words.saveNote), place, button(words.cancel, () => close())));
   sendsOrCancels(area, form, () => close(true));
-  const none = make("p", { class: "quiet" }, words.noNotes);
-  const list = make("ol");
-  const done = make("ol");
-  const summary = make("summary");
-  const fold = make("details", { hidden: true }, summary, done);
+  const none = h("p", { class: "quiet" }, words.noNotes);
+  const list = h("ol");
+  const done = h("ol");
+  const summary = h("summary");
+  const fold = h("details", { hidden: true }, summary, done);
   panel.append(
-    make("div", { class: "row" }, make("h2", {}, words.notes), add),
-    make("label", { class: "field" }, words.name, name),
-    make("div", { class: "row" }, ...verdicts),
+    h("div", { class: "row" }, h("h2", null, words.notes), add),
+    h("label", { class: "field" }, words.name, name),
+    h("div", { class: "row" }, ...verdicts),
     ...[verdict, error, form, none, list, fold],
   );
 
@@ -143,7 +127,7 @@ export function notesPanel(ask, { picture, frame, frames, show: showFrame }) {
     draft?.remove();
     draft = null;
     if (!next) return;
-    draft = make("button", { class: "pin draft", type: "button", "aria-label": words.draft, onclick: () => area.focus() }, "+");
+    draft = h("button", { class: "pin draft", type: "button", "aria-label": words.draft, onclick: () => area.focus() }, "+");
     put(draft, next);
     draft.addEventListener("keydown", (event) => {
       const [dx, dy] = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key] ?? [0, 0];
@@ -196,16 +180,16 @@ export function notesPanel(ask, { picture, frame, frames, show: showFrame }) {
   };
 
   const signature = (note) => [
-    make("strong", {}, note.author),
-    note.guest && make("span", { class: "quiet" }, words.guest),
-    make("time", { class: "quiet", datetime: new Date(note.created * 1000).toISOString() }, moment(note.created)),
+    h("strong", null, note.author),
+    note.guest && h("span", { class: "quiet" }, words.guest),
+    h("time", { class: "quiet", datetime: new Date(note.created * 1000).toISOString() }, moment(note.created)),
   ];
 
   /** Rows by the note's id; a row that is being answered stays as it is. */
   const rows = new Map();
   const rowOf = (note, number, replies) => {
-    const area = make("textarea", { rows: 2, maxlength: LONGEST, "aria-label": `${words.reply} ${number}` });
-    const answer = make("form", { hidden: true }, area, make("div", { class: "row" }, make("button", { class: "button" }, words.reply), button(words.cancel, () => (answer.hidden = true))));
+    const area = h("textarea", { rows: 2, maxlength: LONGEST, "aria-label": `${words.reply} ${number}` });
+    const answer = h("form", { hidden: true }, area, h("div", { class: "row" }, h("button", { class: "button" }, words.reply), button(words.cancel, () => (answer.hidden = true))));
     sendsOrCancels(area, answer, () => (answer.hidden = true));
     answer.addEventListener("submit", async (event) => {
       event.preventDefault();
@@ -215,20 +199,20 @@ export function notesPanel(ask, { picture, frame, frames, show: showFrame }) {
         draw();
       }
     });
-    return make(
+    return h(
       "li",
-      {},
-      make(
+      null,
+      h(
         "div",
         { class: "head" },
-        make("button", { class: `pin${note.resolved === null ? "" : " done"}`, type: "button", "aria-label": filled(words.place, { n: number }), onclick: () => choose(note) }, String(number)),
+        h("button", { class: `pin${note.resolved === null ? "" : " done"}`, type: "button", "aria-label": filled(words.place, { n: number }), onclick: () => choose(note) }, String(number)),
         ...signature(note),
-        frames().length > 1 && make("span", { class: "quiet" }, `${words.frame} ${note.frame}`),
+        frames().length > 1 && h("span", { class: "quiet" }, `${words.frame} ${note.frame}`),
       ),
-      make("p", { class: "text" }, note.text),
-      ...replies.map((reply) => make("div", { class: "answer" }, make("div", { class: "head" }, ...signature(reply)), make("p", { class: "text" }, reply.text))),
-      note.resolved !== null && make("p", { class: "quiet" }, filled(words.by, { name: note.resolved_guest ? `${note.resolved_by} (${words.guest})` : note.resolved_by })),
-      make(
+      h("p", { class: "text" }, note.text),
+      ...replies.map((reply) => h("div", { class: "answer" }, h("div", { class: "head" }, ...signature(reply)), h("p", { class: "text" }, reply.text))),
+      note.resolved !== null && h("p", { class: "quiet" }, filled(words.by, { name: note.resolved_guest ? `${note.resolved_by} (${words.guest})` : note.resolved_by })),
+      h(
         "div",
         { class: "row" },
         button(words.reply, () => ((answer.hidden = false), area.focus())),
@@ -260,7 +244,7 @@ export function notesPanel(ask, { picture, frame, frames, show: showFrame }) {
     const pins = here.map(({ note, number }) => {
       const text = note.text.length > SHORT ? `${note.text.slice(0, SHORT)}…` : note.text;
       const label = filled(words.pinOf, { n: number, name: note.author, text });
-      const pin = make("button", { class: `pin${note.resolved === null ? "" : " done"}`, type: "button", "aria-label": label, title: label, "aria-pressed": note.id === current ? "true" : "false", onclick: () => choose(note, true) }, String(number));
+      const pin = h("button", { class: `pin${note.resolved === null ? "" : " done"}`, type: "button", "aria-label": label, title: label, "aria-pressed": note.id === current ? "true" : "false", onclick: () => choose(note, true) }, String(number));
       put(pin, note);
       return pin;
     });

@@ -54,7 +54,9 @@ class FilmCopy:
         try:
             if kind is None and self._has_any:
                 if self._made.with_name(f"{self._made.name}-wal").exists():
-                    raise FilmUnavailable(Sentence("film-copy-failed", "{film} cannot be copied at the moment.", film=FILM))
+                    raise FilmUnavailable(
+                        Sentence("film-copy-failed", "{film} cannot be copied at the moment. Try again.", film=FILM)
+                    )
                 rename_synced(self._made, self._target)
         finally:
             self._remove()

@@ -61,7 +61,7 @@ class FilmClosed(NotFound):
     """Raised if the film is closed during a read, because its job was deleted or restarted, or because the service stops."""
 
     def __init__(self) -> None:
-        super().__init__(Sentence("film-job-changed", "The job was deleted or restarted while its picture was read."))
+        super().__init__(Sentence("film-job-changed", "The job was deleted or restarted while its picture was read. Reload it."))
 
 
 @contextmanager
@@ -98,10 +98,7 @@ def damaged_samples_error(first: int, tile: int) -> FilmDamaged:
     """
     return damaged_film_error(
         Sentence(
-            "film-samples-damaged",
-            "samples from {first} on of tile {tile} differ from what was written",
-            first=first,
-            tile=tile,
+            "film-samples-damaged", "samples from {first} on of tile {tile} differ from what was written", first=first, tile=tile
         )
     )
 

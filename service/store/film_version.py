@@ -121,8 +121,8 @@ def sample_ranges(first: int, count: int, ranges: str | None) -> list[tuple[int,
 
 def checksum(row: Row) -> int:
     """Returns the CRC-32 of all columns of a row, which detects bytes that have changed on the disk."""
-    told = [*row[:5], *(each for each in row[6:] if each is not None)]
-    return zlib.crc32(row[5], zlib.crc32(repr(told).encode()))
+    columns = [*row[:5], *(each for each in row[6:] if each is not None)]
+    return zlib.crc32(row[5], zlib.crc32(repr(columns).encode()))
 
 
 def matches_checksum(row: Row, expected: int | None) -> bool:

@@ -210,7 +210,7 @@ class ReviewNote(Base):
 
     id: Mapped[str] = mapped_column(String(20), primary_key=True)
     job: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"))
-    reply_to: Mapped[str | None] = mapped_column(String(20))  # the note that it answers; None: it is no reply
+    reply_to: Mapped[str | None] = mapped_column(String(20))  # the note that it answers; None: it is not a reply
     frame: Mapped[int] = mapped_column(Integer)  # in half frames: renderer.frames.frame_key
     x: Mapped[float | None] = mapped_column(Float)  # place as a fraction of the picture's width; None: the whole picture
     y: Mapped[float | None] = mapped_column(Float)

@@ -14,7 +14,7 @@ import redis
 from protocol.explained import ExplainPixel, explained_key
 from protocol.view_parts import view_queue
 from renderer.sentences import Sentence, decoded
-from service.errors import AnswerTimeout, Failed, QueueError, Unavailable
+from service.errors import AnswerTimeout, Failed, FarmError, QueueError, Unavailable
 from service.scheduling.artifacts.unfit_machines import MachineFault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.faults.redis_errors import redis_unavailable
@@ -126,23 +126,7 @@ class PixelExplainer:
         while not self._stop.is_set():
             if time.monotonic() > deadline:
                 self._dispatcher.withdraw(queue, {work.message})
-                if is_compiling:
-                    raise Unavailable(
-                        Sentence(
-                            "pixel-kernel-compiling",
-                            "{worker} is compiling the kernel for it; this takes a minute or two, once. Try again then.",
-                            worker=holder,
-                        ),
-                        15.0,
-                    )
-                late = (
-                    Sentence("pixel-worker-timeout", "{worker} did not answer in time.", worker=holder)
-                    if holder
-                    else Sentence("pixel-slots-busy", "No worker was free; all slots are busy.")
-                )
-                raise AnswerTimeout(
-                    Sentence("pixel-not-explained-late", "The pixel could not be explained: {reason} Try again.", reason=late)
-                )
+                raise _timeout(holder, is_compiling)
             found: Any = self._redis.blpop([explained_key(work.message)], timeout=POLL_S)
             if found is None:
                 if holder is not None and holder not in self._board.roster.reports:
@@ -176,6 +160,27 @@ class PixelExplainer:
         raise Unavailable(Sentence("service-stopping-retry", "The service is shutting down. Try again when it is back."))
 
 
+def _timeout(holder: str | None, is_compiling: bool) -> FarmError:
+    """Returns the error for a request that was not answered in time. holder: the worker that has begun with it, if any."""
+    if is_compiling:
+        return Unavailable(
+            Sentence(
+                "pixel-kernel-compiling",
+                "{worker} is compiling the kernel for it; this takes a minute or two, once. Try again then.",
+                worker=holder,
+            ),
+            15.0,
+        )
+    late = (
+        Sentence("pixel-worker-timeout", "{worker} did not answer in time.", worker=holder)
+        if holder
+        else Sentence("pixel-slots-busy", "No worker was free; all slots are busy.")
+    )
+    return AnswerTimeout(
+        Sentence("pixel-not-explained-late", "The pixel could not be explained: {reason} Try again.", reason=late)
+    )
+
+
 def _decoded_answer(data: bytes) -> dict[str, Any]:
     """Decodes a worker's answer. Raises Failed if it is malformed."""
     try:
@@ -191,8 +196,7 @@ def unreadable_answer() -> Failed:
     """Returns the error for an answer that is not a valid explanation."""
     return Failed(
         Sentence(
-            "worker-answer-unreadable",
-            "The worker's answer cannot be read. Run the same release of Rayfarm on all machines.",
+            "worker-answer-unreadable", "The worker's answer cannot be read. Run the same release of Rayfarm on all machines."
         )
     )
 

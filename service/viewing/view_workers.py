@@ -41,5 +41,7 @@ class ViewWorkers:
             self._events.publish(PreparationRequested(request.scene, ready[0].kind))
             return Sentence("view-scene-preparing", "The scene is being prepared for the connected workers.")
         if self._board.roster.ready_reports():
-            return Sentence("view-workers-too-old", "The workers are of an older release, which cannot show live views.")
+            return Sentence(
+                "view-workers-too-old", "The workers are of an older release, which cannot show live views. Start newer ones."
+            )
         return Sentence("view-waits-for-worker", "Waits for a worker.")

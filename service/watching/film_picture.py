@@ -27,7 +27,11 @@ def radiance_of(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
         words = decode_film(data).words
     except (zlib.error, ValueError) as error:
         raise Failed(
-            Sentence("picture-snapshot-damaged", "The snapshot of this picture is damaged ({error}).", error=error)
+            Sentence(
+                "picture-snapshot-damaged",
+                "The stored copy of this picture is damaged ({error}). Render it again, or upload it again.",
+                error=error,
+            )
         ) from error
     return rgbe9995.unpack(words)
 

@@ -35,7 +35,7 @@ def gains_of_mix(text: str, groups: Sequence[str]) -> tuple[Gain, ...]:
             raise Invalid(
                 Sentence(
                     "mix-group-unknown",
-                    "mix names {name}, which is no light group of the picture; it has {known}.",
+                    "mix: {name} is not a light group of the picture; it has {known}.",
                     name=repr(name[:60]),
                     known=[*groups],
                 )
@@ -53,7 +53,7 @@ def _gain(text: str, name: str) -> Gain:
         raise Invalid(
             Sentence(
                 "mix-gain-invalid",
-                "mix: {value} is no gain of {name}; give a number from 0 to {most}, or three as red/green/blue.",
+                "mix: {value} is not a gain for {name}; give a number from 0 to {most}, or three as red/green/blue.",
                 value=repr(text[:60]),
                 name=name,
                 most=int(MAX_GAIN),

@@ -70,7 +70,7 @@ def test_snapshot_is_shown_and_compared_with_current_picture(farm: Farm, watched
     page.get_by_label("Channel").select_option("")
 
     page.goto(f"{farm.url}/#/compare/{job}/{job}?ta={spp}&ev=-1&tone=hue")
-    expect(page.locator(".channel-tag.left")).to_have_text(f"{spp} spp")
+    expect(page.locator(".channel-tag.left")).to_have_text(f"{spp} sample" + "s" * (spp > 1))
     expect(page.locator(".channel-tag.right")).to_have_text("now")
     page.keyboard.press("1")
     page.mouse.move(5, 5)

@@ -147,7 +147,7 @@ def test_growing_picture_replaces_one_of_another_light(farm: Farm, watched: Watc
         while held:
             held.pop().continue_()
         page.unroute(denoised, hold)
-        expect(tag).to_have_text(re.compile(r"^Denoised, [\d,]+ samples?$"), timeout=60_000)
+        expect(tag).to_have_text(re.compile(r"^Denoised at [\d,]+ samples?$"), timeout=60_000)
     finally:
         httpx.patch(f"{farm.url}/api/jobs/{job}", json={"state": "cancelled"})
     assert watched.errors == []

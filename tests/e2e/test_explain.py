@@ -42,9 +42,10 @@ def test_pixel_explanation_is_drawn_over_picture(farm: Farm, finished: str, watc
     told = httpx.get(f"{farm.url}/api/jobs/{finished}/explain?x={x}&y={y}", timeout=60).raise_for_status().json()
     assert told["equals_film"] is True
     open_job(page, farm, finished, f"?pins={x},{y}")
-    panel = page.get_by_role("region", name="Explained pixel")
-    page.get_by_role("button", name=f"Explain the pixel {x}, {y}").click()
-    expect(panel.get_by_role("heading")).to_have_text(f"Pixel {x}, {y} explained")
+    panel = page.get_by_role("region", name="Paths of a pixel")
+    page.get_by_role("button", name=f"Show the paths of pixel {x}, {y}").click()
+    expect(page.get_by_role("tab", name="Paths")).to_have_attribute("aria-selected", "true")
+    expect(panel.get_by_role("heading")).to_have_text(f"Paths of pixel {x}, {y}")
     expect(panel).to_contain_text("Their sum equals the picture exactly.")
     expect(panel.get_by_role("radio")).to_have_count(len(told["paths"]))
     bright = next(path for path in told["paths"] if "brightest" in path["chosen"])
@@ -66,16 +67,18 @@ def test_pixel_explanation_is_drawn_over_picture(farm: Farm, finished: str, watc
     page.locator("h1").click()
     page.keyboard.press("Escape")
     expect(panel).to_be_hidden()
+    expect(page.get_by_role("tab", name="Paths")).to_be_hidden()
+    expect(page.get_by_role("tab", name="View")).to_have_attribute("aria-selected", "true")
     assert over.evaluate(drawn) < with_path, "what was drawn is gone"
-    page.get_by_role("button", name="Probe pixels", exact=True).click()
-    page.get_by_role("button", name="Explain a pixel", exact=True).click()
-    expect(page.get_by_role("button", name="Probe pixels", exact=True)).to_have_attribute("aria-pressed", "false")
+    page.get_by_role("button", name="Inspect pixels", exact=True).click()
+    page.get_by_role("button", name="Show a pixel's paths", exact=True).click()
+    expect(page.get_by_role("button", name="Inspect pixels", exact=True)).to_have_attribute("aria-pressed", "false")
     box = page.locator(".stage").bounding_box()
     assert box
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     expect(panel).to_contain_text("followed again")
     page.keyboard.press("Escape")
-    expect(page.get_by_role("button", name="Explain a pixel", exact=True)).to_have_attribute("aria-pressed", "false")
+    expect(page.get_by_role("button", name="Show a pixel's paths", exact=True)).to_have_attribute("aria-pressed", "false")
     assert watched.errors == []
 
 
@@ -155,8 +158,8 @@ def test_workers_and_firefly_are_shown(farm: Farm, finished: str, watched: Watch
     page.route("**/explain?*", lambda route: route.fulfill(json=told))
     page.goto("about:blank")  # another address of the same job keeps the page as it is
     open_job(page, farm, finished, f"?pins={x},{y}")
-    page.get_by_role("button", name=f"Explain the pixel {x}, {y}").click()
-    panel = page.get_by_role("region", name="Explained pixel")
+    page.get_by_role("button", name=f"Show the paths of pixel {x}, {y}").click()
+    panel = page.get_by_role("region", name="Paths of a pixel")
     expect(panel).to_contain_text(f"A firefly: sample {bright['sample']} alone brings 50 % of this pixel's light.")
     expect(panel.get_by_role("radio", name="Brightest")).to_be_checked()
     assert watched.errors == []

@@ -70,7 +70,7 @@ def test_scene_uses_selected_and_dropped_environment(watched: Watched, farm: Far
     page.get_by_role("group", name="Light", exact=True).get_by_role("button", name="More").click()
     page.get_by_role("radio", name="Low sun").check(force=True)
     dial = page.get_by_role("slider", name="Sun position")
-    expect(dial).to_have_attribute("aria-valuetext", "8° high, 110° around")
+    expect(dial).to_have_attribute("aria-valuetext", "8° high, direction 110°")
     dial.evaluate("element => element.scrollIntoView({ block: 'center' })")
     box = dial.bounding_box()
     assert box is not None

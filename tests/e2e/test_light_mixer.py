@@ -114,6 +114,34 @@ def test_muted_groups_leave_the_others_and_the_mix_is_saved(farm: Farm, lit: str
 
 
 @pytest.mark.long
+def test_tab_is_offered_only_with_lights_to_mix(farm: Farm, lit: str, watched: Watched) -> None:
+    """A scene without lights has no tab Lights; one chosen before is shown again for a picture that has it."""
+    text = "cameras: [{eye: [0, 0, 4], target: [0, 0, 0]}]\nshapes: [{type: sphere}]\n"
+    scene = httpx.post(f"{farm.url}/api/scenes", files={"files": ("ball.yaml", text)}).raise_for_status().json()["id"]
+    with farm.client() as client:
+        client.wait_for_scene(scene)
+    assert httpx.get(f"{farm.url}/api/scenes/{scene}").raise_for_status().json()["light_groups"] == []
+    job = render_job(farm, scene, **SIZE, spp=2)
+    page = watched.page
+    page.goto(f"{farm.url}/#/jobs/{lit}")
+    lights = page.get_by_role("tab", name="Lights")
+    lights.click()
+    page.evaluate("(job) => (location.hash = `#/jobs/${job}`)", job)
+    expect(page.locator(".stage")).to_have_attribute("data-film", "here")
+    expect(page.get_by_role("tab", name="View")).to_have_attribute("aria-selected", "true")
+    expect(lights).to_be_hidden()
+    page.get_by_role("tab", name="View").press("ArrowRight")
+    expect(page.get_by_role("tab", name="Notes")).to_be_focused()
+    page.goto(f"{farm.url}/#/jobs/{job}")
+    page.reload()
+    expect(page.get_by_role("tab", name="Info")).to_be_visible()
+    page.get_by_role("tab", name="Info").click()
+    expect(page.get_by_role("definition").filter(has_text="ball")).to_be_visible()  # the scenes are listed
+    expect(lights).to_be_hidden()
+    assert watched.errors == []
+
+
+@pytest.mark.long
 def test_a_mix_is_shown_and_saved_denoised(farm: Farm, lit: str, watched: Watched, tmp_path: Path) -> None:
     """Each light group is denoised once, and mixed without its noise; what is saved is what is shown."""
     if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:

@@ -268,12 +268,20 @@ def takes_are_shared_and_restored(view: LiveView, ben: Page, turned: str) -> Non
     expect(page.get_by_role("button", name=re.compile("^Low light"))).to_be_visible()
 
 
-# Collects the words over the view.
+# Collects the words over the view, and of the frames the exposure and whether the own picture is held back, as they change.
 SAID = """() => {
-    const state = document.querySelector(".view-state");
+    const [state, exposure] = [".view-state", ".view-exposure .number"].map((each) => document.querySelector(each));
     window.said = [];
+    window.exposed = [];
     const all = { childList: true, characterData: true, subtree: true };
     new MutationObserver(() => said.push(state.textContent)).observe(state, all);
+    const look = () => {
+        const [before, held] = exposed.at(-1) ?? [];
+        const now = [exposure.textContent, document.querySelector(".live-view canvas.held-back") !== null];
+        if (now[0] !== before || now[1] !== held) exposed.push(now);
+        requestAnimationFrame(look);
+    };
+    look();
 }"""
 
 
@@ -311,6 +319,8 @@ def test_live_view_is_denoised_and_can_show_its_noise(farm: Farm, watched: Watch
         expect(held).to_have_count(0, timeout=60_000)
         expect(view.page.locator(".view-state")).to_have_text(re.compile(r"^\d+ samples, denoised"), timeout=60_000)
         assert words in view.page.evaluate("said.splice(0)"), "and no count of the view before"
+        frames = view.page.evaluate("exposed.splice(0)")
+        assert frames[-2][1] and not frames[-1][1], f"the picture in the new light is exposed when it is shown: {frames}"
     first = view.number()
     switch.click()
     expect(switch).to_have_attribute("aria-pressed", "false")

@@ -35,6 +35,16 @@ def test_phone_shows_whole_titles_and_hides_bins(many: Service, browser: Browser
     page.get_by_role("heading", name="Latest pictures").tap()
     expect(bin).to_have_css("opacity", "0")
 
+    page.goto(f"{many.url}/#/jobs")
+    expect(page.get_by_role("button", name="Cancelled")).to_be_in_viewport(ratio=1)
+    expect(page.get_by_label("Order")).to_be_hidden()
+    page.get_by_role("button", name="Filters").tap()
+    page.get_by_label("Order").select_option("oldest")
+    page.reload()
+    expect(page.get_by_label("Order")).to_have_value("oldest")
+    expect(page.get_by_label("Order")).to_be_visible()
+    page.goto(many.url)
+
     card.locator("a.name").tap()
     title = page.locator(".job-title h1")
     expect(title).to_contain_text("take")

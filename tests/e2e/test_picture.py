@@ -134,7 +134,7 @@ def test_focus_rectangle_is_rendered_first(farm: Farm, watched: Watched) -> None
         wait_until(lambda: httpx.get(url).json()["focus"] is None, 20, "it is taken back")
 
         # Button and click: renders the tile below the pointer first.
-        page.get_by_role("button", name="Render a part first").click()
+        page.get_by_role("button", name="Render a region first").click()
         expect(chip).to_contain_text("Click or drag")
         page.mouse.click(*at(page, 10, 10))
         expect(chip).to_contain_text("First: 64×64 at 0, 0")
@@ -163,10 +163,10 @@ def test_light_groups_and_pinned_pixels_are_shown(farm: Farm, finished: str, wat
     page.mouse.move(5, 5)
 
     # A pinned pixel has its exact value on the page and its position in the URL, in film pixels; a second click removes it.
-    pins = page.get_by_label("Probes")
+    pins = page.get_by_label("Inspected pixels")
     for x, y in ((3, 4), (100, 64)):
         if (x, y) != (3, 4):
-            page.get_by_role("button", name="Probe pixels").click()
+            page.get_by_role("button", name="Inspect pixels").click()
             page.mouse.click(*at(page, x + 0.5, y + 0.5))
         row = pins.get_by_role("listitem").filter(has_text=f"{x}, {y}")
         expect(row.locator("dd").first).to_have_text(re.compile("[0-9]"))

@@ -61,6 +61,7 @@ def test_preview_mesh_is_shown_until_samples_arrive(farm: Farm, watched: Watched
     page.mouse.move(box["x"] + 220, box["y"] + 120, steps=4)
     page.mouse.up()
     wait_until(lambda: np.abs(live_view_pixels(page) - first).mean() > 2, 20, "the mesh turns")
+    wait_until(lambda: mesh.evaluate("canvas => canvas.width === canvas.clientWidth"), 20, "sharp at rest, where frames are slow")
 
     page.get_by_role("link", name="Jobs").first.click()
     expect(page.locator("main")).to_have_attribute("aria-busy", "true")
@@ -105,7 +106,7 @@ DRAW_CUBE = """async ([obj, points, isRefined]) => {
   mesh.setMesh({ ...packet, textures: [] });
   mesh.setView(view);
   mesh.draw();
-  while (isRefined && mesh.isRefining) {
+  while (isRefined && (mesh.settling !== undefined || mesh.isRefining)) {
     mesh.refine();
     await new Promise(requestAnimationFrame);
   }
@@ -219,4 +220,32 @@ def test_metal_of_a_preview_shows_what_is_near_in_its_place(farm: Farm, watched:
     )
     assert before[0] > 2 * before[1] + 20
     assert far[0] < 1.5 * far[1] + 20
+    assert watched.errors == []
+
+
+# Returns the brightness of a mesh's surroundings in lights of one colour, with another exposure on the page.
+MEASURE = """async ([obj, lights]) => {
+  const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");
+  const { meshBrightness } = await import("/js/scene/mesh-brightness.js");
+  const { meshOf } = await import("/js/mesh/upload.js");
+  const { packet } = await meshOf({ files: [{ path: "a.obj", file: new File([obj], "a.obj") }], formats: [".obj"] });
+  const canvas = document.createElement("canvas");
+  canvas.style.cssText = "position: fixed; top: 0; left: 0; width: 90px; height: 60px";
+  document.body.append(canvas);
+  const mesh = new MeshCanvas(canvas);
+  mesh.setMesh(packet);
+  mesh.setView({ eye: [0, 9, 0], target: [0, 20, 0], up: [0, 0, 1], fov: 40 });
+  mesh.setLook({ exposure: 1.5, curve: "agx" });
+  return lights.map((color) => (mesh.relight({ color }), meshBrightness(mesh)));
+}"""
+
+
+@pytest.mark.long
+def test_brightness_of_a_preview_is_that_of_its_light(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    page.goto(farm.url)
+    lights = [[0.5, 0.5, 0.5], [0.3, 0.1, 0.02], [40, 20, 30], [0.004, 0.002, 0.001]]
+    for color, found in zip(lights, page.evaluate(MEASURE, [CUBE, lights]), strict=True):
+        assert [found[name] for name in ("white", "bright", "high")] == pytest.approx([max(color)] * 3, rel=0.05)
+        assert found["key"] == pytest.approx(float(np.dot(color, [0.2126, 0.7152, 0.0722])), rel=0.05)
     assert watched.errors == []

@@ -93,8 +93,8 @@ def test_pictures_are_shown_in_place_of_view(farm: Farm, watched: Watched, tmp_p
     assert_shows(page, films[0], 0, "neutral")
 
     tiles[1].click(modifiers=["Shift"])
-    expect(page.locator(".channel-tag.left")).to_have_text("A: Studio, 2 spp")
-    expect(page.locator(".channel-tag.right")).to_have_text(re.compile("^B: .*4 spp"))
+    expect(page.locator(".channel-tag.left")).to_have_text("A: Studio, 2 samples")
+    expect(page.locator(".channel-tag.right")).to_have_text(re.compile("^B: .*4 samples"))
     page.keyboard.press("1")
     page.evaluate("scrollTo(0, 0)")  # the filmstrip is further down
     assert_screen(
@@ -103,7 +103,7 @@ def test_pictures_are_shown_in_place_of_view(farm: Farm, watched: Watched, tmp_p
     expect(page.get_by_role("link", name="Compare", exact=True)).to_have_attribute("href", f"#/compare/{a}/{b}")
     assert (params()["a"], params()["b"]) == ([a], [b])
     page.reload()
-    expect(page.locator(".channel-tag.left")).to_have_text("A: Studio, 2 spp")
+    expect(page.locator(".channel-tag.left")).to_have_text("A: Studio, 2 samples")
 
     page.get_by_label("Picture B").select_option("live")
     expect(page.locator(".channel-tag.right")).to_have_text("B: Live view")
@@ -126,7 +126,7 @@ def test_pictures_are_shown_in_place_of_view(farm: Farm, watched: Watched, tmp_p
     assert not {"a", "b", "at"} & params().keys()
     tiles[1].focus()
     page.keyboard.press("Shift+Enter")
-    expect(page.locator(".channel-tag.right")).to_have_text(re.compile("^B: 4 spp"))
+    expect(page.locator(".channel-tag.right")).to_have_text(re.compile("^B: 4 samples"))
     page.get_by_role("button", name="Live view", exact=True).click()
     expect(surface).to_be_visible()
     page.get_by_role("link", name="Open Spheres, 96×64").first.click()

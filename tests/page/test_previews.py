@@ -67,6 +67,28 @@ def test_unchanged_preview_is_asked_for_again_once_its_samples_have_quadrupled(n
     assert node.call("film/picture-side", DUE, {**rests, "from": 32}) is True
 
 
+FINISHING = """
+    const { Film } = await read("/js/film/film.js");
+    const film = new Film(4, 2);
+    film.put({ x: 0, y: 0, w: 4, h: 2, spp: 64, words: new Uint32Array(8) });
+    const state = { value: { channel: "denoised", error: a.failed ? new Error("503") : null } };
+    const live = { film, isRendering: a.rendering ?? false, finished: !a.rendering };
+    const shown = { fetched: {}, madeOf: 8 * a.spp, isPreview: a.preview ?? true };
+    const side = Object.assign(Object.create(m.PictureSide.prototype), { live, state, ...shown });
+    return [side.previewSpp(), side.isFinishing()];"""
+
+
+def test_finished_job_says_that_its_denoised_picture_is_to_come(node: Node) -> None:
+    def said(**given: object) -> object:
+        return node.call("film/picture-side", FINISHING, given)
+
+    assert said(spp=29, rendering=True) == [29, False]
+    assert said(spp=29) == [29, True]
+    assert said(spp=29, failed=True) == [29, False], "nothing better comes"
+    assert said(spp=64) == [None, True], "a preview of all samples is not the last picture"
+    assert said(spp=64, preview=False) == [None, False]
+
+
 FAILS = """
     const real = globalThis.fetch;
     globalThis.fetch = async () => new Response("{}", { status: 500 });

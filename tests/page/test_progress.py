@@ -24,23 +24,23 @@ def test_outdated_job_description_is_ignored(node: Node) -> None:
     assert node.call("news/farm", body, {"job": JOB, "steps": [[5, 9000], [6, 10]]}) == 6, "the service's clock was set back"
 
 
-def test_picture_with_one_light_has_no_tab_to_mix_lights(node: Node) -> None:
-    """The tab stays while the scene is not known, and where its lamps, or groups of the picture, can be mixed."""
+def test_only_pictures_with_lights_to_mix_have_a_tab_for_them(node: Node) -> None:
+    """A picture has the tab if it has light groups, or its scene has lights to group, known from the list of scenes."""
     body = """
         const { scenes } = await read("/js/news/farm.js");
         const job = { scene: "s", settings: { light_groups: a.groups } };
-        scenes.set(a.scene ? [{ id: "s", light_groups: a.scene.groups, codes: { warnings: a.scene.codes } }] : null);
+        scenes.set(a.scene ? [{ id: "s", light_groups: a.scene.groups_of_scene }] : null);
         return m.canMixLights(job);"""
-    studio = [{"code": "scene-without-light", "params": {}}]
 
     def can_mix(groups: str = "", **scene: object) -> bool:
         found: bool = node.call("job/light-mixer", body, {"groups": groups, "scene": scene or None})
         return found
 
-    assert can_mix()
-    assert can_mix("key,fill", codes=studio)
-    assert not can_mix(codes=studio)
-    assert can_mix(codes=[])
+    assert not can_mix()
+    assert can_mix("key,fill")
+    assert can_mix("key,fill", groups_of_scene=[])
+    assert not can_mix(groups_of_scene=[])
+    assert can_mix(groups_of_scene=["environment", "lamp"])
 
 
 def test_remaining_time_is_smoothed(node: Node) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 from typing import Any
 
 import numpy as np
 import pytest
 
-from renderer.scene.presets import preset_image
+from renderer.image import rgbe9995
 from tests.page.node import Node
 
 USUAL = {
@@ -70,22 +71,40 @@ def test_projected_picture_stays_at_rest_only_where_it_is_sharp(node: Node) -> N
     assert node.call("scene/replacement", "return a.map((each) => m.staysSharp(...each));", cases) == [True, True, False, False]
 
 
-@pytest.mark.parametrize("name", ["studio", "dark-studio", "overcast", "even-white"])
-def test_presets_light_the_preview_mesh_as_they_light_the_scene(node: Node, name: str) -> None:
-    exact = preset_image(name)[..., 0].reshape(64, 4, 128, 4).mean((1, 3))
-    found = node.call("scene/chosen-light", "const l = m.presetLight(a); return [l.width, l.height, ...l.texels];", name)
-    assert found[:2] == [128, 64]
-    texels = np.reshape(found[2:], (64, 128, 3))
-    assert (texels == texels[..., :1]).all()
-    off = abs(texels[..., 0] - exact) / exact
-    assert np.quantile(off, 0.9) < 0.02, "but for the edges of softboxes"
-    assert texels[..., 0].mean() == pytest.approx(exact.mean(), rel=0.02)
+def sent(radiance: np.ndarray, lamps: list[dict[str, Any]]) -> dict[str, Any]:
+    """Returns a light as the service sends it (PreviewLightOut)."""
+    words = base64.b64encode(rgbe9995.pack(radiance.astype(np.float32)).astype("<u4").tobytes()).decode()
+    return {"width": radiance.shape[1], "height": radiance.shape[0], "words": words, "lamps": lamps}
+
+
+def test_sent_light_is_that_of_the_mesh_turned_and_scaled(node: Node) -> None:
+    """A mesh keeps its lamps, and has the sun of a sky besides."""
+    sky = np.random.default_rng(3).uniform(0.1, 1, (4, 8, 3))
+    lamp = {"at": [0, 5, 0], "far": False, "color": [1, 1, 1], "axis": [0, 0, 0], "cosines": [-2, -1]}
+    sun = {**lamp, "at": [0, 0.6, -0.8], "far": True, "color": [3, 2, 1]}
+    body = """
+        const mesh = { environment: null, isStudio: true, lamps: [a.lamp] };
+        const chosen = { sky: { elevation: 37 }, rotation: 90, strength: 2 };
+        const before = m.isComputable(mesh, chosen);
+        m.keepLight(mesh, chosen, a.light);
+        const { environment, lamps } = m.chosenLight(mesh, chosen);
+        const others = [{ sky: { elevation: 30 } }, { preset: "studio" }].map((other) => m.isComputable(mesh, other));
+        const sunny = { environment: {}, isStudio: false, lamps: [{ ...a.lamp, far: true }] };
+        m.keepLight(sunny, chosen, a.light);
+        return [before, others, m.isComputable(sunny, chosen), [...environment.texels], lamps];"""
+    light = {"lamp": lamp, "light": sent(sky, [lamp, sun])}
+    before, others, with_own_sun, texels, lamps = node.call("scene/chosen-light", body, light)
+    assert [before, *others, with_own_sun] == [False] * 4
+    np.testing.assert_allclose(np.reshape(texels, (4, 8, 3)), 2 * np.roll(sky, -2, axis=1), atol=0.01)
+    assert lamps[0] == lamp
+    assert lamps[1]["color"] == [6, 4, 2]
+    np.testing.assert_allclose(lamps[1]["at"], [-0.8, 0.6, 0], atol=1e-6)
 
 
 def test_chosen_light_is_turned_and_scaled_and_unknown_if_the_page_cannot_compute_it(node: Node) -> None:
     body = """
         const mesh = { environment: null, isStudio: true, lamps: [] };
-        return a.map((chosen) => [...(m.chosenLight(mesh, chosen)?.texels ?? [])]);"""
+        return a.map((chosen) => [...(m.chosenLight(mesh, chosen)?.environment.texels ?? [])]);"""
     studio, turned, red, none = node.call(
         "scene/chosen-light", body, [{}, {"rotation": 90, "strength": 2}, {"color": [1, 0, 0]}, {"sky": {"elevation": 30}}]
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import pytest
 
@@ -64,14 +65,51 @@ def test_durations_are_formatted_briefly(node: Node) -> None:
     assert times == ["0:07", "2:05", "1:02:05", "47:00:00", "25 d 22 h"]
 
 
-def test_ranges_of_times_hold_still(node: Node) -> None:
+def test_expected_times_are_rounded(node: Node) -> None:
+    times = [0.2, 4.2, 13, 17, 26, 50, 85, 130, 700, 5000, 20_000, 1e6]
+    shown = ["1 s", "5 s", "15 s", "15 s", "30 s", "45 s", "1.5 min", "2 min", "10 min", "1.5 h", "5 h", "10 d"]
+    assert node.call("forms/expected-time", "return a.map(m.expectedText);", times) == shown
+
+
+VIEW, COMPILING, BATCH, IDLE = [{"view": "v"}, {}], [{"compiling": True}, {}], [{"batch": 1}, {}], [{}, {}]
+
+
+@pytest.mark.parametrize(
+    ("series", "times"),
+    [
+        # Recorded while a view of the milk truck was rendered on two slots of a busy machine.
+        (
+            [(speed, VIEW, None) for speed in (303120, 188311, 241016, 311587, 514845, 211005, 588986, 327391, 603426, 125110)],
+            ["1 min"] * 4 + ["30 s"] * 6,
+        ),
+        # At rest, and while jobs are rendered or kernels compiled, the speed is that of something else.
+        (
+            [
+                (1e5, IDLE, None),
+                (6e5, COMPILING, None),
+                (9e6, BATCH, None),
+                (9e5, VIEW, None),
+                (1e5, IDLE, None),
+                (9e6, BATCH, None),
+            ],
+            ["", "", "", "20 s", "20 s", "20 s"],
+        ),
+        # The scene's pictures are the best measurement; one that a busy machine slowed down a little changes nothing.
+        ([(1e6, IDLE, None), (1e6, IDLE, 4e-7), (1e6, VIEW, 5.5e-7), (1e6, IDLE, 9e-7)], ["", "7 s", "7 s", "15 s"]),
+    ],
+)
+def test_expected_time_is_held_until_a_better_measurement_differs(
+    program: str, series: list[tuple[float, Any, float | None]], times: list[str]
+) -> None:
     body = """
-        const { timeRange } = await read("/js/base/format.js");
-        const ranges = m.steadyRanges();
-        return a.map((seconds) => timeRange(...ranges("a picture", seconds)));"""
-    times = [0.6, 0.9, 9, 13, 6, 33, 300, 20_000]
-    shown = ["< 1 s", "< 1 s", "5–15 s", "5–15 s", "5–15 s", "20 s–1 min", "4–8 min", "3–12 h"]
-    assert node.call("forms/render-presets", body, times) == shown
+        const shown = a.map(([speed, current, sample_s]) => {
+            const worker = { slots: 2, samples_per_s: speed, current };
+            const { seconds } = m.expected({ id: "s", measured: sample_s && { sample_s } }, [worker], 5e5, 64);
+            return seconds === null ? "" : m.expectedText(seconds);
+        });
+        return [shown, localStorage.getItem("rayfarm-costs") !== null];"""
+    with Node(program, "en-GB") as fresh:
+        assert fresh.call("forms/expected-time", body, series) == [times, True]
 
 
 def test_scene_size_is_formatted_briefly(node: Node) -> None:

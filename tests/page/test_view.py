@@ -306,3 +306,18 @@ def test_take_fills_the_form_but_keeps_its_goals(node: Node) -> None:
     assert start["first"].items() >= {"width": 300, "light": light, **kept, **colour}.items()
     assert (start["camera"], start["view"], start["variant"], start["up"], start["denoise"]) == ("front", None, "1", "z", True)
     assert (start["shot"]["frames"], start["shot"]["count"], start["shot"]["clip"]) == ("7.5", 1, "walk")
+
+
+def test_image_that_waits_for_a_scene_lights_no_other_one(node: Node) -> None:
+    body = """
+        const lit = [];
+        const open = (scene) => m.registerLightReceiver((file) => lit.push([scene, file]), scene)();
+        m.holdLight("a.hdr", "one");
+        open("two");
+        open("one"); // it was opened too late
+        m.holdLight("b.hdr", "one");
+        open("one");
+        open("one");
+        await null;
+        return lit;"""
+    assert node.call("shell/light-drop", body) == [["one", "b.hdr"]]

@@ -115,7 +115,7 @@ def test_what_is_not_in_the_stage_or_not_known_is_refused(shot: Path, tmp_path: 
         ([shot, "--slap-comp", "x"], "--slap-comp is not an option of husk that Rayfarm has"),
         (["--slap-comp", "x", shot], "--slap-comp is not an option of husk that Rayfarm has"),
         ([shot, "-R", "BRAY_HdKarma"], "-R is not an option"),
-        ([tmp_path / "a.obj"], "a.obj is no USD file"),
+        ([tmp_path / "a.obj"], "a.obj is not a USD file"),
         ([shot, "-s", "/nowhere"], "its render settings are /Render/main, /Render/other"),
         ([shot, "-f", "1000", "-o", "x.exr"], "begins at 1001"),
     )

@@ -283,7 +283,7 @@ REFUSED: dict[str, tuple[Edit, str]] = {
     ),
     "a circle": (
         lambda t: t["steps"][0].update(dependencies=[{"dependsOn": t["steps"][0]["name"]}]),
-        "no valid job template",
+        "not a valid job template",
     ),
     "another program": (lambda t: t["steps"][0]["script"]["actions"]["onRun"].update(command="bash"), "command `bash render"),
     "another command": (lambda t: arguments(t).__setitem__(0, "up"), "command `rayfarm up"),
@@ -308,7 +308,7 @@ REFUSED: dict[str, tuple[Edit, str]] = {
     "a task parameter elsewhere": (lambda t: arguments(t).extend(["--seed", "{{Task.Param.Frame}}"]), "is in --seed"),
     "another frame": (lambda t: arguments(t).append("--frames=7"), "--frames is given beside the task's frame"),
     "negative frames": (lambda t: t["parameterDefinitions"][-1].update(default="-3-3"), "begin at 0"),
-    "a wrong range": (lambda t: t["parameterDefinitions"][-1].update(default="many"), "no valid job template"),
+    "a wrong range": (lambda t: t["parameterDefinitions"][-1].update(default="many"), "not a valid job template"),
     "a requirement": (
         lambda t: t["steps"][0].update(hostRequirements={"amounts": [{"name": "amount.worker.gpu", "min": 1}]}),
         "the requirement amount.worker.gpu",
@@ -323,8 +323,8 @@ REFUSED: dict[str, tuple[Edit, str]] = {
         lambda t: t["steps"][0].update(hostRequirements={"attributes": [{"name": "attr.rayfarm.tags", "anyOf": ["a", "b"]}]}),
         "the requirement attr.rayfarm.tags",
     ),
-    "no steps": (lambda t: t.pop("steps"), "no valid job template"),
-    "an older version": (lambda t: t.update(specificationVersion="jobtemplate-1999-01"), "no valid job template"),
+    "no steps": (lambda t: t.pop("steps"), "not a valid job template"),
+    "an older version": (lambda t: t.update(specificationVersion="jobtemplate-1999-01"), "not a valid job template"),
 }
 
 
@@ -370,7 +370,7 @@ def test_frames_may_be_a_list(tmp_path: Path) -> None:
         if frames is not None:
             assert read_template(tmp_path / "job.yaml")[0].frames == frames
         else:
-            with pytest.raises(CommandError, match="no valid job template"):
+            with pytest.raises(CommandError, match="not a valid job template"):
                 read_template(tmp_path / "job.yaml")
 
 
@@ -380,7 +380,7 @@ def test_a_scene_file_is_no_template(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (tmp_path / "broken.yaml").write_text("specificationVersion: [")
     assert not is_template(tmp_path / "broken.yaml")
     done = rayfarm("submit", CORNELL, "--param", "Frames=1", "--server", "http://127.0.0.1:9")
-    assert done.returncode == 1 and "--param goes with a job template" in done.stderr
+    assert done.returncode == 1 and "--param needs a job template" in done.stderr
     (tmp_path / "job.yaml").write_text("specificationVersion: jobtemplate-2023-09\n")
     for words, said in ((["--spp=3"], "--spp is not taken"), (["--param", "x"], "--param is 'x'")):
         done = rayfarm("submit", tmp_path / "job.yaml", *words, COLUMNS="200")

@@ -16,6 +16,7 @@ import pytest
 from PIL import Image
 
 from rayfarm.client import Client
+from rayfarm.login import farm_client
 from tests.helpers import ROOT, Farm, running_redis
 from tests.rayfarm.program import rayfarm
 from tests.service.conftest import Service
@@ -29,13 +30,13 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 READ = {"list_scenes", "inspect_scene", "list_jobs", "job_status", "wait_for_job", "list_workers", "get_picture"}
 
 
-def started(url: str, *arguments: str | Path, **environment: str) -> StdioServerParameters:
+def started(url: str, *arguments: str | Path) -> StdioServerParameters:
     from mcp import StdioServerParameters
 
     return StdioServerParameters(
         command=sys.executable,
         args=["-m", "rayfarm", "mcp", "--server", url, *map(str, arguments)],
-        env={**os.environ, **environment},
+        env=dict(os.environ),
         cwd=ROOT,
     )
 
@@ -107,7 +108,7 @@ def test_an_assistant_renders_a_picture(farm: Farm, tmp_path: Path) -> None:
     use(started(farm.url, "--folder", tmp_path), act)
 
 
-def test_the_farms_roles_apply(tmp_path: Path, redis_server: running_redis) -> None:
+def test_the_farms_roles_apply(tmp_path: Path, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch) -> None:
     from rayfarm.mcp_server import create_server
 
     service = Service(tmp_path / "data", redis_server, host="0.0.0.0", trusted_proxies="127.0.0.1")
@@ -124,7 +125,9 @@ def test_the_farms_roles_apply(tmp_path: Path, redis_server: running_redis) -> N
                 said = sentence(await client.call_tool(tool, asked))
                 assert "This needs the role submit; owner has the role view" in said
 
-        use(started(service.url, "--folder", tmp_path, RAYFARM_API_TOKEN=viewer), look, mode="legacy")
+        monkeypatch.setenv("RAYFARM_API_TOKEN", viewer)
+        with farm_client(service.url) as screen:
+            use(create_server(screen, [tmp_path]), look, mode="legacy")
 
         async def knock(client: McpClient) -> None:
             assert "log in" in sentence(await client.call_tool("list_scenes")).lower()
@@ -166,7 +169,7 @@ def test_only_files_of_the_given_folders_are_uploaded(service: Service, tmp_path
 
 def test_what_is_missing_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done = rayfarm("mcp", "--folder", tmp_path / "none")
-    assert done.returncode == 1 and "which is no folder" in done.stderr
+    assert done.returncode == 1 and "which is not a folder" in done.stderr
     monkeypatch.setitem(sys.modules, "mcp.server.mcpserver", None)
     monkeypatch.delitem(sys.modules, "rayfarm.mcp_server")
     done = rayfarm("mcp")

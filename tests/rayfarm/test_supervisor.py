@@ -87,28 +87,21 @@ def test_repeatedly_killed_part_is_restarted_quickly(supervisor: Supervisor, tmp
         assert part.running
 
 
-def test_only_early_failures_increase_delay(supervisor: Supervisor, reports: list[str], tmp_path: Path) -> None:
-    part = Part("tired", [sys.executable, "-c", "import time; time.sleep(100)"], tmp_path / "log")
+@pytest.mark.parametrize(
+    ("steady_s", "runs"),
+    [
+        (None, ((1.0, "0.2"), (1.0, "1"), (1.0, "2"), (60.0, "0.2"), (1.0, "1"))),
+        (90.0, ((30.0, "0.2"), (30.0, "1"), (30.0, "2"), (120.0, "0.2"))),  # a worker that fails while it compiles kernels
+    ],
+)
+def test_only_early_failures_increase_delay(
+    supervisor: Supervisor, reports: list[str], tmp_path: Path, steady_s: float | None, runs: tuple[tuple[float, str], ...]
+) -> None:
+    """A process that fails before it has run for `steady_s` is restarted after an increasing delay, later ones after 0.2 s."""
+    command = [sys.executable, "-c", "import time; time.sleep(100)"]
+    part = Part("tired", command, tmp_path / "log", **({} if steady_s is None else {"steady_s": steady_s}))
     supervisor.start(part)
-    for lived, pause in ((1.0, "0.2"), (1.0, "1"), (1.0, "2"), (60.0, "0.2"), (1.0, "1")):
-        part.started -= lived
-        assert part.process is not None
-        part.process.send_signal(signal.SIGSEGV)
-        part.process.wait()
-        supervisor.check_parts()
-        assert f"again in {pause} s" in reports[-1]
-        part.restart_at = 0.0
-        supervisor.check_parts()
-
-
-def test_failure_before_service_increases_delay(supervisor: Supervisor, reports: list[str], tmp_path: Path) -> None:
-    """A process that fails before it is ready is restarted after an increasing delay: 0.2, 1 and 2 s.
-
-    An example is a worker that fails while it compiles kernels. After a run longer than `steady_s`, the delay is 0.2 s again.
-    """
-    part = Part("slow", [sys.executable, "-c", "import time; time.sleep(100)"], tmp_path / "log", steady_s=90.0)
-    supervisor.start(part)
-    for lived, pause in ((30.0, "0.2"), (30.0, "1"), (30.0, "2"), (120.0, "0.2")):
+    for lived, pause in runs:
         part.started -= lived
         supervisor.check_parts()  # notices that it runs
         assert part.process is not None

@@ -109,7 +109,7 @@ def test_redis_errors_are_retried_and_logged_once(
     assert not heartbeat.is_paused
     assert taken == ["render", "prepare"]
     assert sum("cannot be taken now: maxmemory" in line for line in caplog.messages) == 1
-    heartbeat.heard = HeartbeatReply(True, is_paused=True)
+    heartbeat.latest = HeartbeatReply(True, is_paused=True)
     heartbeat._apply_pause()
     assert heartbeat.is_paused
     assert taken == []

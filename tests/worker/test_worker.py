@@ -520,8 +520,8 @@ def kill_slots_until_result(bench: Bench, name: str) -> None:
 
 def test_batch_of_killed_slot_is_rendered_again(bench: Bench, info: SceneInfo) -> None:
     before = processor_times(bench.process.pid)
-    bench.render(batch_of(info, "long", 0, 3000))
-    wait_until(lambda: busy_with(bench, 3000), 30, "a slot renders the batch")
+    bench.render(batch_of(info, "long", 0, 2000))
+    wait_until(lambda: busy_with(bench, 2000), 30, "a slot renders the batch")
     victim = rendering_slot(before)
     victim.kill()
     victim.wait(10)

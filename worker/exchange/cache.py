@@ -119,8 +119,7 @@ class BlobCache:
                 if hashlib.file_digest(file, "sha256").hexdigest() != target.name:
                     raise WorkError(
                         Sentence(
-                            "cache-part-damaged",
-                            "a part of the compiled scene does not match its hash; prepare the scene again",
+                            "cache-part-damaged", "a part of the compiled scene does not match its hash; prepare the scene again"
                         )
                     )
 

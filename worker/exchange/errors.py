@@ -15,6 +15,11 @@ WorkerError            base class; the message is one sentence
 from __future__ import annotations
 
 import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from renderer.library_messages import library_message
+from renderer.sentences import Sentence
 
 __all__ = [
     "DamagedError",
@@ -27,7 +32,11 @@ __all__ = [
     "UnfitError",
     "WorkError",
     "WorkerError",
+    "answered_status",
     "is_of_machine",
+    "not_reachable",
+    "storage_errors",
+    "token_unknown",
 ]
 
 # Errors of the file system or the kernel, whatever the file: full, read-only, I/O error, or out of processes, files, memory.
@@ -80,3 +89,46 @@ class WorkError(WorkerError):
 def is_of_machine(error: OSError) -> bool:
     """Returns True if an error is caused by this machine rather than by the file being read."""
     return error.errno in _OF_MACHINE
+
+
+@contextmanager
+def storage_errors() -> Iterator[None]:
+    """Raises MachineError for an OSError of this machine in the `with` block, which stores a scene's files."""
+    try:
+        yield
+    except OSError as error:
+        if not is_of_machine(error):
+            raise
+        raise MachineError(
+            Sentence(
+                "machine-file-storage-failed",
+                "this machine cannot store a scene's files ({error}: {path})",
+                error=library_message(error),
+                path=error.filename,
+            )
+        ) from error
+
+
+def not_reachable(service: str, error: Exception) -> Sentence:
+    """Returns the sentence for a service that does not answer."""
+    return Sentence("service-not-reachable", "no answer from {service} ({error})", service=service, error=library_message(error))
+
+
+def token_unknown(service: str) -> Sentence:
+    """Returns the sentence for a token that the service rejects."""
+    return Sentence(
+        "worker-token-unknown",
+        "{service} does not know this token. Take the token that `rayfarm up` shows, or ask the administrator of this farm.",
+        service=service,
+    )
+
+
+def answered_status(service: str, status: int, request: str) -> Sentence:
+    """Returns the sentence for an HTTP status that is an error. request: method and path."""
+    return Sentence(
+        "service-answered-status",
+        "{service} answers {status} to {request}",
+        service=service,
+        status=status,
+        request=request,
+    )

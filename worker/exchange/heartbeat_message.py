@@ -88,15 +88,15 @@ class HeartbeatConnection:
 
     def receive(self, timeout_s: float = 0.0) -> HeartbeatReply | None:
         """Returns the latest reply received; None if there is none. timeout_s: seconds to wait for a pending reply."""
-        heard: HeartbeatReply | None = None
+        reply: HeartbeatReply | None = None
         try:
-            while self._connection is not None and self._sent and self._connection.can_read(0.0 if heard else timeout_s):
+            while self._connection is not None and self._sent and self._connection.can_read(0.0 if reply else timeout_s):
                 answers = [self._read_answer(self._connection) for _ in range(self._sent[0][1])]
                 self._sent.popleft()
-                heard = _parse_reply(answers)
+                reply = _parse_reply(answers)
         except _UNREACHABLE:
             self.close()
-        return heard
+        return reply
 
     def close(self) -> None:
         """Closes the connection and discards pending replies."""

@@ -18,9 +18,17 @@ from redis.connection import ConnectionPool
 
 from protocol.channel import CHANNEL_PATH
 from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
-from renderer.library_messages import library_message
 from renderer.sentences import Sentence
-from worker.exchange.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
+from worker.exchange.errors import (
+    DamagedError,
+    LinkError,
+    NotAFarmError,
+    RefusedError,
+    TokenError,
+    answered_status,
+    not_reachable,
+    token_unknown,
+)
 from worker.exchange.foreign_server import MAX_ANSWER, describe_answer, is_address, is_loopback, not_a_farm
 from worker.exchange.trust import verify_option, verify_option_for
 
@@ -73,10 +81,7 @@ class Link:
             )
         if not (token.isascii() and token.isprintable()):
             raise RefusedError(
-                Sentence(
-                    "worker-token-malformed",
-                    "The token has invalid characters. Use the one that `rayfarm up` shows.",
-                )
+                Sentence("worker-token-malformed", "The token has invalid characters. Use the one that `rayfarm up` shows.")
             )
         if not is_address(self.service):
             raise RefusedError(
@@ -128,11 +133,11 @@ class Link:
                     )
                 )
             return FarmAnswer("", str(data["instance"]), "", bool(data.get("reduces")), True, str(data.get("name_suffix") or ""))
-        told = data["redis_url"]
+        given_url = data["redis_url"]
         try:
-            if not isinstance(told, str):
+            if not isinstance(given_url, str):
                 raise ValueError(Sentence("join-redis-url-type", "the address of Redis is not text"))
-            redis_url = _reachable_redis_url(told, self.service)
+            redis_url = _reachable_redis_url(given_url, self.service)
             check_redis_url(redis_url)
         except ValueError as error:
             raise NotAFarmError(
@@ -296,14 +301,7 @@ class Link:
                 self._check_status(response)
                 yield response
         except (httpx.HTTPError, httpx.StreamError, httpx.InvalidURL, UnicodeError) as error:
-            raise LinkError(
-                Sentence(
-                    "service-not-reachable",
-                    "no answer from {service} ({error})",
-                    service=self.service,
-                    error=library_message(error),
-                )
-            ) from error
+            raise LinkError(not_reachable(self.service, error)) from error
 
     def _check_status(self, response: httpx.Response) -> None:
         if response.is_success:
@@ -317,12 +315,7 @@ class Link:
             )
         if status in (401, 403):
             raise TokenError(
-                Sentence(
-                    "worker-token-unknown",
-                    "{service} does not know this token. Take the token that `rayfarm up` shows, or ask the "
-                    "administrator of this farm.",
-                    service=self.service,
-                )
+                token_unknown(self.service)
                 if is_service
                 else Sentence(
                     "worker-token-refused",
@@ -344,13 +337,7 @@ class Link:
                 detail=detail,
             )
             if detail
-            else Sentence(
-                "service-answered-status",
-                "{service} answers {status} to {request}",
-                service=self.service,
-                status=status,
-                request=asked,
-            )
+            else answered_status(self.service, status, asked)
         )
         if response.is_redirect:
             raise NotAFarmError(

@@ -26,9 +26,9 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidSta
 from protocol.channel import CHANNEL_MESSAGES, CHANNEL_PATH, CHUNK_BYTES, ChannelOpen, ChannelRefused
 from protocol.redis_commands import Command, CommandError, CommandReader
 from protocol.websocket import read_service
-from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 from telemetry.log_lines import as_json, uses_json
+from worker.exchange.errors import answered_status, not_reachable, token_unknown
 from worker.exchange.foreign_server import is_loopback
 from worker.exchange.trust import verify_option, verify_option_for
 
@@ -107,7 +107,7 @@ class _Relay:
         if refusal := next((each for each in ends if isinstance(each, CommandError)), None):
             raise refusal
         if channel.close_code == AUTHENTICATION_CLOSED:
-            self._log_once(self._unknown_token())
+            self._log_once(token_unknown(self._settings.service))
 
     async def _open(self) -> ClientConnection:
         """Opens a channel, and waits until the service is connected to Redis. Raises _UnavailableError."""
@@ -124,17 +124,9 @@ class _Relay:
         except InvalidStatus as error:
             status = error.response.status_code
             if status in UNKNOWN_TOKEN:
-                raise _UnavailableError(self._unknown_token()) from None
+                raise _UnavailableError(token_unknown(self._settings.service)) from None
             if status >= HTTP_SERVER_ERROR:
-                raise _UnavailableError(
-                    Sentence(
-                        "service-answered-status",
-                        "{service} answers {status} to {request}",
-                        service=self._settings.service,
-                        status=status,
-                        request=CHANNEL_PATH,
-                    )
-                ) from None
+                raise _UnavailableError(answered_status(self._settings.service, status, CHANNEL_PATH)) from None
             raise _UnavailableError(
                 Sentence(
                     "channel-status",
@@ -145,12 +137,12 @@ class _Relay:
                 )
             ) from None
         except (OSError, TimeoutError, InvalidHandshake, WebSocketException) as error:
-            raise self._not_reachable(error) from None
+            raise _UnavailableError(not_reachable(self._settings.service, error)) from None
         try:
             message = read_service(await asyncio.wait_for(channel.recv(), OPEN_S), CHANNEL_MESSAGES)
         except (ConnectionClosed, TimeoutError, ValueError, AttributeError) as error:
             channel.transport.abort()
-            raise self._not_reachable(error) from None
+            raise _UnavailableError(not_reachable(self._settings.service, error)) from None
         match message:
             case ChannelOpen():
                 _limit_unsent_bytes(channel)
@@ -159,23 +151,12 @@ class _Relay:
                 await channel.close()
                 raise _UnavailableError(detail)
         channel.transport.abort()
-        raise _UnavailableError(Sentence("channel-foreign", "{service} is not a farm's queue.", service=self._settings.service))
-
-    def _not_reachable(self, error: Exception) -> _UnavailableError:
-        return _UnavailableError(
+        raise _UnavailableError(
             Sentence(
-                "service-not-reachable",
-                "no answer from {service} ({error})",
+                "channel-foreign",
+                "{service} is not a farm's queue. Give the address that `rayfarm up` shows.",
                 service=self._settings.service,
-                error=library_message(error),
             )
-        )
-
-    def _unknown_token(self) -> Sentence:
-        return Sentence(
-            "worker-token-unknown",
-            "{service} does not know this token. Take the token that `rayfarm up` shows, or ask the administrator of this farm.",
-            service=self._settings.service,
         )
 
     def _log_once(self, reason: str) -> None:
@@ -210,7 +191,7 @@ def _without_password(command: Command, password: str) -> bytes:
 def _limit_unsent_bytes(channel: ClientConnection) -> None:
     """Makes the system accept little that it cannot send yet, so that a sender waits as it would for Redis itself.
 
-    Otherwise megabytes would wait here on a slow line, and the reply would come too late for whoever sent them.
+    Otherwise megabytes would wait here on a slow line, and their sender would get the reply too late.
     """
     connected = channel.transport.get_extra_info("socket")
     if connected is not None and (mark := getattr(socket, "TCP_NOTSENT_LOWAT", None)) is not None:

@@ -99,16 +99,16 @@ def _desktop_idle_s(now: float) -> float | None:
             continue
         asked = [option for name in ("Type", "Class", "State", "IdleHint", "IdleSinceHint") for option in ("-p", name)]
         lines = _output_of([program, "show-session", session.split()[0], *asked]).splitlines()
-        told = dict(line.partition("=")[::2] for line in lines)
+        properties = dict(line.partition("=")[::2] for line in lines)
         if (
-            told.get("Type") not in ("wayland", "x11", "mir")
-            or told.get("Class", "user") != "user"
-            or told.get("State") == "closing"
+            properties.get("Type") not in ("wayland", "x11", "mir")
+            or properties.get("Class", "user") != "user"
+            or properties.get("State") == "closing"
         ):
             continue
-        since = told.get("IdleSinceHint", "")
+        since = properties.get("IdleSinceHint", "")
         if since.isdigit() and int(since) > 0:
-            idle.append(max(now - int(since) / 1e6, 0.0) if told.get("IdleHint") == "yes" else 0.0)
+            idle.append(max(now - int(since) / 1e6, 0.0) if properties.get("IdleHint") == "yes" else 0.0)
     return min(idle, default=None)
 
 

@@ -92,10 +92,10 @@ class TermsKeeper:
         terms = self.terms
         struct.pack_into("q", _limit, 0, terms.memory or 0)
         self._set_nice_level(terms.nice)
-        somebody = self._machine_in_use_reason(
+        in_use = self._machine_in_use_reason(
             terms
         )  # tracked outside the hours too, so that the idle time is known when they begin
-        self.why = self._outside_hours_reason(terms) or somebody or self._memory_reason(terms)
+        self.why = self._outside_hours_reason(terms) or in_use or self._memory_reason(terms)
         self._beats += 1
 
     def offer(self) -> Offer:

@@ -6,6 +6,7 @@ import json
 import logging
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import redis
@@ -23,6 +24,7 @@ from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.work.frames import compiled_frame
 from worker.work.open_scenes import mapped_scene
+from worker.work.scenes import scene_not_fetched
 
 __all__ = ["explain_pixel", "explanation_json", "send_answer"]
 
@@ -50,60 +52,40 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
 
     compiling: called with True before the scene's kernel is made ready, and with False afterwards.
     """
-    send_answer(worker, work.message, "begun")
+    answer = partial(send_answer, worker, work.message)
+    answer("begun")
     try:
         scene = _open_scene(worker, work)
         variant = variant_for(work.settings, scene)
         kernel = settings_as_rendered(work.settings, scene, pilot_readiness(worker.link, compiling))
         if not is_warm(kernel, variant):
             compiling(True)
-            send_answer(worker, work.message, "compiling")
+            answer("compiling")
             make_kernel_ready(worker.link, kernel, variant)
             compiling(False)
         found = pixel_paths(scene, work.settings, work.x, work.y, work.count, work.sample)
-        send_answer(worker, work.message, "done", explained=explanation_json(scene, found))
+        answer("done", explained=explanation_json(scene, found))
     except (UnfitError, MachineError) as error:
-        send_answer(worker, work.message, "returned", error=str(error), unfit=True)
+        answer("returned", error=str(error), unfit=True)
     except TemporaryError as error:
-        send_answer(
-            worker,
-            work.message,
-            "returned",
-            error=Sentence("worker-returned-request", "{worker} returned the request: {error}", worker=worker.name, error=error),
-        )
+        said = Sentence("worker-returned-request", "{worker} returned the request: {error}", worker=worker.name, error=error)
+        answer("returned", error=said)
     except RefusedError as error:
-        send_answer(
-            worker,
-            work.message,
-            "failed",
-            error=Sentence(
-                "worker-scene-not-fetched", "{worker} cannot fetch the scene: {error}", worker=worker.name, error=error
-            ),
-        )
+        answer("failed", error=scene_not_fetched(worker, error))
     except RayfarmError as error:
-        send_answer(worker, work.message, "failed", error=str(error))
+        answer("failed", error=str(error))
     except MemoryError:
-        send_answer(
-            worker,
-            work.message,
-            "returned",
-            error=Sentence("scene-memory-exhausted", "there is too little memory for this scene"),
-            unfit=True,
-        )
+        answer("returned", error=Sentence("scene-memory-exhausted", "there is too little memory for this scene"), unfit=True)
     except Exception as error:  # any error fails this pixel only, not the worker
         log.exception("explaining a pixel of job %s failed", work.job)
-        send_answer(
-            worker,
-            work.message,
-            "failed",
-            error=Sentence(
-                "worker-paths-failed",
-                "{worker} could not trace its paths ({kind}: {error})",
-                worker=worker.name,
-                kind=type(error).__name__,
-                error=error,
-            ),
+        said = Sentence(
+            "worker-paths-failed",
+            "{worker} could not trace its paths ({kind}: {error})",
+            worker=worker.name,
+            kind=type(error).__name__,
+            error=error,
         )
+        answer("failed", error=said)
 
 
 def _open_scene(worker: WorkerContext, work: ExplainPixel) -> CompiledScene:

@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from protocol.contract import FrameInfo, Manifest, PrepareFrames
-from renderer.library_messages import library_message
 from renderer.scene.compiled import CompiledScene, load
 from renderer.scene.compiled_parts import parts_of
 from renderer.sentences import Sentence
-from worker.exchange.errors import MachineError, WorkError, is_of_machine
+from worker.exchange.errors import WorkError, storage_errors
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.reading.frames import serve_requests
@@ -86,6 +85,7 @@ def forget_frames() -> None:
         _open.popitem()[1].close()
 
 
+@storage_errors()
 def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrames, answer: Answer) -> None:
     """Prepares frames in order, and sends an answer for each once its compiled scene is stored at the service.
 
@@ -135,17 +135,6 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
         if left:
             answer("frame-failed", frame=left[0], error=str(error))  # the reader failed at this frame; the others may succeed
             answer("frames-returned", error=str(error))
-    except OSError as error:
-        if not is_of_machine(error):
-            raise
-        raise MachineError(
-            Sentence(
-                "machine-file-storage-failed",
-                "this machine cannot store a scene's files ({error}: {path})",
-                error=library_message(error),
-                path=error.filename,
-            )
-        ) from error
 
 
 def compiled_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> CompiledScene | None:

@@ -15,10 +15,9 @@ from renderer import jit
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.blender.convert import convert
 from renderer.blender.program import find
-from renderer.library_messages import library_message
 from renderer.render import kernel_name, warm_up
 from renderer.sentences import Sentence
-from worker.exchange.errors import MachineError, WorkError, is_of_machine
+from worker.exchange.errors import WorkError, storage_errors
 from worker.process.context import WorkerContext
 from worker.reading.prepare import COMPILE, PREVIEW, prepare
 from worker.work.files import memory_budget, place_files
@@ -38,6 +37,7 @@ Progress = Callable[[str, float], None]
 ShowPreview = Callable[[ScenePreview], None]
 
 
+@storage_errors()
 def prepare_scene(
     worker: WorkerContext, manifest: Manifest, progress: Progress, show: ShowPreview = lambda preview: None
 ) -> SceneInfo:
@@ -48,27 +48,15 @@ def prepare_scene(
     service or this machine cannot be used.
     """
     begun = time.monotonic()
+    if (info := relight(worker, manifest)) is not None:
+        return replace(info, seconds=time.monotonic() - begun)
     try:
-        if (info := relight(worker, manifest)) is not None:
-            return replace(info, seconds=time.monotonic() - begun)
-        try:
-            return _prepare_in_reader(worker, manifest, progress, show, begun)
-        except WorkError:
-            # Damaged files in the cache are not errors of the scene.
-            if not [file for file in manifest.files if worker.cache.discard_damaged(file.sha256)]:
-                raise
         return _prepare_in_reader(worker, manifest, progress, show, begun)
-    except OSError as error:
-        if not is_of_machine(error):
+    except WorkError:
+        # Damaged files in the cache are not errors of the scene.
+        if not [file for file in manifest.files if worker.cache.discard_damaged(file.sha256)]:
             raise
-        raise MachineError(
-            Sentence(
-                "machine-file-storage-failed",
-                "this machine cannot store a scene's files ({error}: {path})",
-                error=library_message(error),
-                path=error.filename,
-            )
-        ) from error
+    return _prepare_in_reader(worker, manifest, progress, show, begun)
 
 
 def _prepare_in_reader(

@@ -220,9 +220,7 @@ class ReaderFolder:
         if path.stat().st_size > _MAX_MANIFEST_BYTES:
             raise WorkError(
                 Sentence(
-                    "reader-manifest-too-large",
-                    "the scene's reader wrote a manifest of {bytes} bytes",
-                    bytes=path.stat().st_size,
+                    "reader-manifest-too-large", "the scene's reader wrote a manifest of {bytes} bytes", bytes=path.stat().st_size
                 )
             )
         with translated_errors():

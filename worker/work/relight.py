@@ -14,12 +14,13 @@ from renderer.scene.presets import is_named
 from renderer.scene.studio import STUDIO_NOTES
 from worker.exchange.errors import RefusedError
 from worker.process.context import WorkerContext
+from worker.reading.prepare import PREVIEW
 from worker.reading.relight import relight as relight_by_image
 from worker.reading.relight import save_relit
 from worker.work.files import place_files
 from worker.work.open_scenes import mapped_scene
 from worker.work.reader import ReaderFolder
-from worker.work.scenes import store_scene
+from worker.work.scenes import store, store_scene
 
 __all__ = ["relight"]
 
@@ -50,8 +51,9 @@ def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
             made = room.compiled(room.run(job, light, SECONDS).get("compiled"))
         there = {part.sha256 for part in parts_of(worker.cache.path(info.compiled.sha256))}
         compiled = store_scene(worker, made, there)
+        preview = store(worker, room.out / PREVIEW) if room.has_file(room.out / PREVIEW) else None
     warnings = [warning for warning in info.warnings if warning not in STUDIO_NOTES]
-    return replace(info, compiled=compiled, thumbnail=None, warnings=warnings)
+    return replace(info, compiled=compiled, thumbnail=None, preview=preview, warnings=warnings)
 
 
 def _base_scene(worker: WorkerContext, manifest: Manifest) -> tuple[SceneInfo, CompiledScene, bytes] | None:

@@ -26,6 +26,7 @@ from worker.process.slot_number import slot
 from worker.telemetry.batch_warnings import step
 from worker.work.open_scenes import mapped_scene
 from worker.work.path_guides import use_stored_guide
+from worker.work.scenes import scene_not_fetched
 
 __all__ = [
     "PATIENCE_S",
@@ -99,7 +100,7 @@ def render(
         failed = failure_event(
             worker,
             batch,
-            Sentence("worker-scene-not-fetched", "{worker} cannot fetch the scene: {error}", worker=worker.name, error=error),
+            scene_not_fetched(worker, error),
         )
     except RayfarmError as error:
         failed = failure_event(worker, batch, str(error))

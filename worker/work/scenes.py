@@ -22,7 +22,7 @@ from worker.exchange.errors import MachineError, RefusedError, is_of_machine
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 
-__all__ = ["discard_damaged", "open_scene", "store", "store_scene"]
+__all__ = ["discard_damaged", "open_scene", "scene_not_fetched", "store", "store_scene"]
 
 STORE_TIMEOUT_S = 60.0
 SMALL_BYTES = 256 << 10  # a file of at most this size that this slot has not sent yet is sent without asking for it
@@ -30,6 +30,11 @@ SENDING_THREADS = 4
 MAX_KNOWN = 4096  # hashes of sent files
 
 _sent: OrderedDict[str, None] = OrderedDict()  # the latest, by hash
+
+
+def scene_not_fetched(worker: WorkerContext, error: RefusedError) -> Sentence:
+    """Returns the sentence for a scene that the service does not give to this worker."""
+    return Sentence("worker-scene-not-fetched", "{worker} cannot fetch the scene: {error}", worker=worker.name, error=error)
 
 
 def store(worker: WorkerContext, path: Path) -> BlobRef:

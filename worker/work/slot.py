@@ -61,11 +61,11 @@ def rendering_batch(worker: WorkerContext, work: RenderBatch, message: str) -> I
         def render_batch(begins: Callable[[], None] = lambda: None) -> BatchOutcome:
             # A piece shared by another slot comes without a trace context from the service.
             parent = tracing.current_span() or tracing.root_span("job", work.job)
-            with collect_warnings() as heard, tracing.span("batch", parent, **message_ids(vars(work))):
+            with collect_warnings() as logged, tracing.span("batch", parent, **message_ids(vars(work))):
                 outcome = render(worker, work, hand.report_compiling, begins)
                 if tracing.is_on():
                     outcome.event["traceparents"] = [str(tracing.current_span())]
-            outcome.event.update(heard.result_fields())
+            outcome.event.update(logged.result_fields())
             if outcome.sums is not None:
                 hand.speed = work.tile.w * work.tile.h * work.count / max(outcome.event.get("seconds", 0.0), 1e-6)
             if log.isEnabledFor(logging.DEBUG):

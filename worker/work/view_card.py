@@ -19,10 +19,9 @@ from protocol.view_parts import ViewParts
 from renderer.film import BatchSums
 from renderer.image.draft import encode_draft
 from renderer.render import render_batch, render_draft
-from renderer.sentences import Sentence
 from worker.process.context import WorkerContext
 from worker.work.slot_card import MAX_PACKED_BEHIND, Block, Render, ReturnedError, UnusableError, render_blocks
-from worker.work.viewport import ViewAnswers, pack_view_sums
+from worker.work.viewport import ViewAnswers, pack_view_sums, view_failed
 
 __all__ = ["render_view_on_card"]
 
@@ -104,14 +103,7 @@ def _render_and_send(
         except Exception as error:  # any error fails this message only, not the worker
             log.exception("a view failed on a graphics card")
             _wait_for(sending)
-            sentence = Sentence(
-                "worker-view-failed",
-                "{worker} could not render the view ({kind}: {error}).",
-                worker=worker.name,
-                kind=type(error).__name__,
-                error=error,
-            )
-            answering.send("declined", error=sentence)
+            answering.send("declined", error=view_failed(worker, error))
             return 0.0
         _wait_for(sending)
     if work.draft is None or is_loading:

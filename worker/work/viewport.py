@@ -31,8 +31,9 @@ from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.work.frames import prepare_frames
 from worker.work.open_scenes import mapped_scene
+from worker.work.scenes import scene_not_fetched
 
-__all__ = ["ViewAnswers", "pack_view_sums", "prepare_view_frame", "render_view"]
+__all__ = ["ViewAnswers", "pack_view_sums", "prepare_view_frame", "render_view", "view_failed"]
 
 PATIENCE_S = 5.0  # seconds to retry an unreachable service; a client waits
 
@@ -67,6 +68,17 @@ class ViewAnswers:
             return False
 
 
+def view_failed(worker: WorkerContext, error: Exception) -> Sentence:
+    """Returns the sentence for an unexpected error while a view is rendered."""
+    return Sentence(
+        "worker-view-failed",
+        "{worker} could not render the view ({kind}: {error}).",
+        worker=worker.name,
+        kind=type(error).__name__,
+        error=error,
+    )
+
+
 def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[bool], None]) -> float:
     """Renders parts of a view until all are done or the viewer has changed it. Returns the samples per second.
 
@@ -96,12 +108,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
             begun = time.perf_counter()
             sums = render_batch(scene, work.settings, part.tile, part.first, part.count).sums
             taken = time.perf_counter() - begun
-            answering.send(
-                "part",
-                pack_view_sums(sums, work),
-                number=part.number,
-                seconds=taken,
-            )
+            answering.send("part", pack_view_sums(sums, work), number=part.number, seconds=taken)
             samples, seconds = samples + _samples(part), seconds + taken
         answering.send("over")
     except TemporaryError as error:
@@ -110,12 +117,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
             error=Sentence("worker-returned-view", "{worker} returned a view: {error}", worker=worker.name, error=error),
         )
     except RefusedError as error:
-        answering.send(
-            "returned",
-            error=Sentence(
-                "worker-scene-not-fetched", "{worker} cannot fetch the scene: {error}", worker=worker.name, error=error
-            ),
-        )
+        answering.send("returned", error=scene_not_fetched(worker, error))
     except RayfarmError as error:
         answering.send("failed", error=str(error))
     except MemoryError:
@@ -125,16 +127,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
         )
     except Exception as error:  # any error fails this view only, not the worker
         log.exception("a view failed")
-        answering.send(
-            "failed",
-            error=Sentence(
-                "worker-view-failed",
-                "{worker} could not render the view ({kind}: {error}).",
-                worker=worker.name,
-                kind=type(error).__name__,
-                error=error,
-            ),
-        )
+        answering.send("failed", error=view_failed(worker, error))
     return samples / seconds if seconds else 0.0
 
 

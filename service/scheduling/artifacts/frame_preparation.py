@@ -7,18 +7,17 @@ compiles it again later.
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
-from functools import cache
 
 from protocol.contract import FrameInfo, PrepareFrames, prepare_queue
 from renderer.sentences import Sentence
 from renderer.settings import OPTIONAL
+from service.scheduling.artifacts.lost_preparations import lost_leases
 from service.scheduling.artifacts.unfit_machines import Destination, MachineFault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
-from service.scheduling.dispatching.leases import MAX_UNSEEN_POLLS, Lease, Leases
+from service.scheduling.dispatching.leases import Lease, Leases
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.incoming.results import Results
 from service.scheduling.jobs.active_frame import ActiveFrame
@@ -124,7 +123,7 @@ class FramePreparation:
         left = self._frames[work]
         if frame in left:
             left.discard(frame)
-            self._is_prepared(job, [frame])
+            self._mark_unprepared(job, [frame])
         if not left:
             self._end_lease(lease)
 
@@ -135,7 +134,7 @@ class FramePreparation:
         """
         lease = self.leases.get(work)
         if lease is not None:
-            self._is_prepared(job, self._end_lease(lease))
+            self._mark_unprepared(job, self._end_lease(lease))
             if unfit is not None:
                 self._unfit.add(job.id, unfit)
                 self._unfit_kind[job.id] = lease.kind
@@ -159,30 +158,18 @@ class FramePreparation:
     def end_lost_leases(self, jobs: dict[str, ActiveJob], results: Results) -> list[tuple[ActiveJob, ActiveFrame]]:
         """Ends lost leases. Returns the frames whose preparation was lost too often. Called once a second.
 
-        A lease whose answer may be among unread results is not lost. Raises redis.RedisError.
+        Raises redis.RedisError.
         """
-        waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting_messages(queue)}
         in_hand = {str(doing["work"]) for doing in self._workers.roster.current() if "work" in doing}
-        end = cache(results.latest_position)
         hopeless = []
-        there = {report.name for report in self._workers.roster.ready_reports()}
         for lease in self.leases:
-            job = jobs.get(lease.owner)
-            if job is None:
+            if lease.owner not in jobs:
                 self._end_lease(lease)
-                continue
-            if lease.only and lease.id in waiting and lease.only not in there:  # another worker may be
-                self._dispatcher.withdraw(lease.queue, {lease.id})
-                self._is_prepared(job, self._end_lease(lease))
-                continue
-            lease.is_held = lease.id in in_hand
-            lease.record_poll(lease.is_held or lease.id in waiting, end)
-            may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
-            if may_be_answered or (lease.unseen < MAX_UNSEEN_POLLS and not lease.is_overdue(time.monotonic())):
-                continue
-            lost = self._end_lease(lease)
-            self._is_prepared(job, lost)
-            for frame in sorted(lost)[:1] if lease.id not in waiting else ():  # the frame that was in progress
+        lost = lost_leases(self.leases, self._dispatcher, self._workers, results, lambda lease: lease.id in in_hand)
+        for lease, is_waiting in lost:
+            job, frames = jobs[lease.owner], self._end_lease(lease)
+            self._mark_unprepared(job, frames)
+            for frame in sorted(frames)[:1] if not is_waiting else ():  # the frame that was in progress
                 self._losses[job.id, frame] += 1
                 if self._losses[job.id, frame] >= LOSSES_ALLOWED and frame in job.frames:
                     hopeless.append((job, job.frames[frame]))
@@ -263,7 +250,7 @@ class FramePreparation:
         self.leases.end(lease.id)
         return self._frames.pop(lease.id, set())
 
-    def _is_prepared(self, job: ActiveJob, keys: Iterable[int]) -> None:
+    def _mark_unprepared(self, job: ActiveJob, keys: Iterable[int]) -> None:
         for key in keys:
             if (frame := job.frames.get(key)) is not None:
                 frame.is_preparing = False

@@ -157,7 +157,9 @@ class PathGuides(ArtifactTask[TrainPathGuide]):
         return 0 < size <= MAX_BYTES
 
     def _no_worker_error(self) -> Unavailable:
-        return Unavailable(Sentence("path-guide-needs-worker", "No ready worker can train path guides."))
+        return Unavailable(
+            Sentence("path-guide-needs-worker", "No ready worker can train path guides. Start one, or resume a paused one.")
+        )
 
 
 def _in_order(jobs: Iterable[ActiveJob]) -> list[ActiveJob]:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cache
 
 from protocol.blends import WAITS_FOR_BLENDER, blender_queue
 from protocol.contract import ScenePreview, WorkerReport, prepare_queue
 from renderer.sentences import Sentence, joined_sentences
+from service.scheduling.artifacts.lost_preparations import lost_leases
 from service.scheduling.artifacts.unfit_machines import Destination, MachineFault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
-from service.scheduling.dispatching.leases import MAX_UNSEEN_POLLS, Lease, Leases
+from service.scheduling.dispatching.leases import Lease, Leases
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.incoming.results import Results
 
@@ -167,25 +166,12 @@ class ScenePreparations:
     def end_lost_leases(self, results: Results) -> list[tuple[str, str | None]]:
         """Ends lost leases. Returns the (scene, kind) pairs whose preparation was lost too often. Called once a second.
 
-        A lease whose answer may be among unread results is not lost. Raises redis.RedisError.
+        Raises redis.RedisError.
         """
-        waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting_messages(queue)}
         in_hand = {str(doing["scene"]) for doing in self._workers.roster.current() if "scene" in doing}
-        end = cache(results.latest_position)
         hopeless = []
-        there = {report.name for report in self._workers.roster.ready_reports()}
-        for lease in self.leases:
-            if lease.only and lease.id in waiting and lease.only not in there:  # another worker may be
-                self._dispatcher.withdraw(lease.queue, {lease.id})
-                self.leases.end(lease.id)
-                continue
-            if lease.has_arrived and not lease.is_overdue(time.monotonic()):
-                continue
-            lease.is_held = lease.owner in in_hand
-            lease.record_poll(lease.is_held or lease.id in waiting, end)
-            may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
-            if may_be_answered or (lease.unseen < MAX_UNSEEN_POLLS and not lease.is_overdue(time.monotonic())):
-                continue
+        lost = lost_leases(self.leases, self._dispatcher, self._workers, results, lambda lease: lease.owner in in_hand)
+        for lease, _ in lost:
             self.leases.end(lease.id)
             for key in [(lease.owner, lease.kind), (lease.owner, None)]:
                 if key in self._wanted:

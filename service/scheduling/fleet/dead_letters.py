@@ -41,13 +41,13 @@ class DeadLetters:
         """
         self.count += 1
         reason = f"{type(why).__name__}: {why}" if isinstance(why, BaseException) else str(why)
-        told = {
+        letter = {
             "time": round(time.time(), 3),
             "where": where,
             "why": reason[:MAX_CHARACTERS],
             "message": _readable_message(content),
         }
-        self._latest.append(json.dumps(told))
+        self._latest.append(json.dumps(letter))
         self._is_written = False
         now = time.monotonic()
         if now - self._logged < LOG_EVERY_S:

@@ -91,16 +91,8 @@ class Needs:
         most = max((offer.memory for offer in known), default=0)
         if missing:
             if len(missing) == 1:
-                return Sentence(
-                    "job-waits-for-tag",
-                    "Waits for a worker with the tag {tag}: none is connected.",
-                    tag=missing[0],
-                )
-            return Sentence(
-                "job-waits-for-tags",
-                "Waits for a worker with the tags {tags}: none is connected.",
-                tags=missing,
-            )
+                return Sentence("job-waits-for-tag", "Waits for a worker with the tag {tag}: none is connected.", tag=missing[0])
+            return Sentence("job-waits-for-tags", "Waits for a worker with the tags {tags}: none is connected.", tags=missing)
         if most < self.memory_gb * 1e9:
             return Sentence(
                 "job-waits-for-memory",

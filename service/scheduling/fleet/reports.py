@@ -84,4 +84,4 @@ def is_plain(value: Any, deepest: int = MAX_DEPTH, longest: int = MAX_TEXT_LENGT
 
 
 def _reject_constant(constant: str) -> float:
-    raise ValueError(f"{constant} is no number")
+    raise ValueError(f"{constant} is not a number")

@@ -213,10 +213,10 @@ class Workers:
             for name, reason in zip(names, whys, strict=True)
             if reason is not None
         }
-        told: Any = self._redis.mget([vitals_key(name) for name in names]) if names else []
-        vitals = self._parse_all(Vitals.from_bytes, vitals_key, names, told)
-        said: Any = self._redis.mget([offer_key(name) for name in names]) if names else []
-        offers = self._parse_all(Offer.from_bytes, offer_key, names, said)
+        raw_vitals: Any = self._redis.mget([vitals_key(name) for name in names]) if names else []
+        vitals = self._parse_all(Vitals.from_bytes, vitals_key, names, raw_vitals)
+        raw_offers: Any = self._redis.mget([offer_key(name) for name in names]) if names else []
+        offers = self._parse_all(Offer.from_bytes, offer_key, names, raw_offers)
         self._speeds.add_reports(reports.values())
         self._vanished |= dict.fromkeys(self.roster.reports.keys() - reports.keys(), self._last_polled)
         self._vanished = {name: since for name, since in self._vanished.items() if name not in reports}
@@ -253,8 +253,8 @@ class Workers:
         """
         tags = {tag for offer in offers.values() for tag in offer.tags if tag.startswith(SITE)}
         names = sorted(tag.removeprefix(SITE) for tag in tags)
-        said: Any = self._redis.mget([site_key(name) for name in names]) if names else []
-        return self._parse_all(SiteReport.from_bytes, site_key, names, said)
+        raw_reports: Any = self._redis.mget([site_key(name) for name in names]) if names else []
+        return self._parse_all(SiteReport.from_bytes, site_key, names, raw_reports)
 
     def send_terms(self, terms: Mapping[str, Terms], needs: Iterable[Needs]) -> None:
         """Sends each worker its settings (protocol/terms.py), unless it has confirmed them already. Raises redis.RedisError.
@@ -329,8 +329,8 @@ class Workers:
         """
         found = {}
         for name, value in zip(names, values, strict=True):
-            if value is not None and (told := self._parse(read, key_of(name).encode(), value)) is not None:
-                found[name] = told
+            if value is not None and (parsed := self._parse(read, key_of(name).encode(), value)) is not None:
+                found[name] = parsed
         return found
 
     def _parse_report(self, key: bytes, value: bytes) -> WorkerReport | None:
@@ -343,7 +343,7 @@ class Workers:
         An invalid value is added to the dead letters once.
         """
         try:
-            told = read(value)
+            parsed = read(value)
         except Exception as error:
             if key not in self._strange:
                 if len(self._strange) >= MAX_INVALID_KEYS:
@@ -352,4 +352,4 @@ class Workers:
                 self._dead_letters.add(key.decode(errors="backslashreplace")[:200], error, value)
             return None
         self._strange.discard(key)
-        return told
+        return parsed

@@ -61,7 +61,7 @@ def _sentence(value: Any) -> str:
     """Validates a sentence in a message, and replaces its NUL characters. Preserves its code. Raises ValueError."""
     if not isinstance(value, str) or len(value) > MAX_SENTENCE_LENGTH:
         raise ValueError(f"not a text of at most {MAX_SENTENCE_LENGTH} characters")
-    return value.mapped(_without_nul_characters) if isinstance(value, Sentence) else _without_nul_characters(value)
+    return value.mapped(_without_nul) if isinstance(value, Sentence) else _without_nul(value)
 
 
 Info = TypeVar("Info", SceneInfo, FrameInfo)
@@ -71,10 +71,6 @@ def _with_warnings(info: Info, sent: Any) -> Info:
     """Returns `info` with the warnings of the sent message. Unlike the validated ones, these have their sentence codes."""
     warnings = sent["warnings"] if isinstance(sent, dict) else sent.warnings
     return replace(info, warnings=[_sentence(warning) for warning in warnings])
-
-
-def _without_nul_characters(text: str) -> str:
-    return text.replace("\0", "\ufffd")
 
 
 SentSentence = Annotated[str, PlainValidator(_sentence)]
@@ -181,7 +177,7 @@ class BatchReturned(_Batch):
     recalled: bool = False  # whether it was not begun when the service recalled its message
 
 
-class _Denoise(BaseModel):
+class _Artifact(BaseModel):
     work: Id
     worker: Id = ""
 
@@ -191,7 +187,12 @@ class _Denoise(BaseModel):
         return self.work
 
 
-class DenoiseDone(_Denoise):
+class _ArtifactFailed(_Artifact):
+    error: SentSentence
+    unfit: bool = False  # the machine is the cause, so another worker may succeed
+
+
+class DenoiseDone(_Artifact):
     """Message: a frame was denoised."""
 
     type: Literal["denoised"]
@@ -201,61 +202,49 @@ class DenoiseDone(_Denoise):
     seconds: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0  # that the denoiser took; 0 from earlier releases
 
 
-class DenoiseFailed(_Denoise):
+class DenoiseFailed(_ArtifactFailed):
     """Message: a frame could not be denoised."""
 
     type: Literal["denoise-failed"]
-    error: SentSentence
-    unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
-class _Vectors(_Denoise):
-    """Base class of messages about a frame's motion vectors."""
-
-
-class VectorsMade(_Vectors):
+class VectorsMade(_Artifact):
     """Message: a frame's motion vectors were computed."""
 
     type: Literal["vectors-made"]
     sha256: Id
 
 
-class VectorsFailed(_Vectors):
+class VectorsFailed(_ArtifactFailed):
     """Message: a frame's motion vectors could not be computed."""
 
     type: Literal["vectors-failed"]
-    error: SentSentence
-    unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
-class PathGuideTrained(_Denoise):
+class PathGuideTrained(_Artifact):
     """Message: a frame's path guide was trained."""
 
     type: Literal["path-guide-trained"]
     sha256: Id
 
 
-class PathGuideFailed(_Denoise):
+class PathGuideFailed(_ArtifactFailed):
     """Message: a frame's path guide could not be trained."""
 
     type: Literal["path-guide-failed"]
-    error: SentSentence
-    unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
-class EnvironmentShown(_Denoise):
+class EnvironmentShown(_Artifact):
     """Message: the thumbnail of an uploaded environment image was made."""
 
     type: Literal["environment-shown"]
     sha256: Id
 
 
-class EnvironmentFailed(_Denoise):
+class EnvironmentFailed(_ArtifactFailed):
     """Message: an uploaded environment image cannot be used for lighting."""
 
     type: Literal["environment-failed"]
-    error: SentSentence
-    unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
 class _Prepare(BaseModel):

@@ -9,8 +9,9 @@ from sqlalchemy.orm import Session
 
 from renderer.errors import SettingsError
 from renderer.sentences import Sentence
-from renderer.settings import MAX_SPP, RenderSettings
+from renderer.settings import RenderSettings
 from service.errors import Conflict, FilmLost, Invalid
+from service.scheduling.jobs.shot_changes import check_one_goal, requested_spp
 from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
 from service.store.models import ACTIVE_STATES, FINAL_STATES, STATE_LABELS, Job, Wait
@@ -23,8 +24,7 @@ def set_samples(job: Job, spp: int | None, added: int | None, present: int) -> N
 
     Replaces a goal by noise or time. present: number of samples in the film, over all pixels. Raises Invalid and Conflict.
     """
-    if spp is not None and added is not None:
-        raise Invalid(Sentence("spp-and-more-given", "spp: give either spp (the total per pixel) or more (additional samples)."))
+    check_one_goal(spp, added)
     is_by_samples = job.noise is None and job.seconds is None
     now = job.spp if is_by_samples else present // _pixels(job)
     if now is None:
@@ -34,24 +34,10 @@ def set_samples(job: Job, spp: int | None, added: int | None, present: int) -> N
                 "more: the scene is still being prepared, so its number of samples is not known. Give spp.",
             )
         )
-    wanted = now + added if added is not None else spp
-    assert wanted is not None
-    if wanted > MAX_SPP:
-        raise Invalid(
-            Sentence(
-                "more-spp-too-high",
-                "more: that makes {spp} samples per pixel; at most {most} are allowed.",
-                spp=wanted,
-                most=MAX_SPP,
-            )
-        )
+    wanted = requested_spp(now, spp, added)
     if wanted < now or (wanted == now and not is_by_samples):
         raise Conflict(
-            Sentence(
-                "job-spp-lowered",
-                "spp: the job has {spp} samples per pixel already; samples can only be added.",
-                spp=now,
-            )
+            Sentence("job-spp-lowered", "spp: the job has {spp} samples per pixel already; samples can only be added.", spp=now)
         )
     if is_by_samples and wanted == job.spp:
         return
@@ -65,10 +51,7 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
     if state == "cancelled":
         if job.state == "finished":
             raise Conflict(
-                Sentence(
-                    "job-already-finished",
-                    "The job is finished; there is nothing to cancel. To remove it, delete it.",
-                )
+                Sentence("job-already-finished", "The job is finished; there is nothing to cancel. To remove it, delete it.")
             )
         if job.state != "cancelled":
             job.state, job.finished = "cancelled", time.time()

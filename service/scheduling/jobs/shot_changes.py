@@ -14,7 +14,16 @@ from service.shot import Shot
 from service.store.frame_changes import Step
 from service.store.models import FINAL_STATES, Job
 
-__all__ = ["NO_SAMPLES_FIRST", "CurrentFrame", "ShotRequest", "added_samples", "change_shot", "samples_of"]
+__all__ = [
+    "NO_SAMPLES_FIRST",
+    "CurrentFrame",
+    "ShotRequest",
+    "added_samples",
+    "change_shot",
+    "check_one_goal",
+    "requested_spp",
+    "samples_of",
+]
 
 NO_SAMPLES_FIRST = -1.0
 NOISIEST_FIRST = "noisiest-first"
@@ -119,6 +128,27 @@ def added_samples(job: Job, frames: Mapping[int, CurrentFrame], spp_before: int 
     return samples
 
 
+def check_one_goal(spp: int | None, more: int | None) -> None:
+    """Raises Invalid if both a total and an addition are given."""
+    if spp is not None and more is not None:
+        raise Invalid(Sentence("spp-and-more-given", "spp: give either spp (the total per pixel) or more (additional samples)."))
+
+
+def requested_spp(now: int, spp: int | None, more: int | None) -> int:
+    """Returns the requested samples per pixel: `spp` in total, or `more` than now. Raises Invalid if they are too many."""
+    wanted = spp if spp is not None else now + (more or 0)
+    if wanted > MAX_SPP:
+        raise Invalid(
+            Sentence(
+                "more-spp-too-high",
+                "more: that makes {spp} samples per pixel; at most {most} are allowed.",
+                spp=wanted,
+                most=MAX_SPP,
+            )
+        )
+    return wanted
+
+
 def _added_frame_keys(frames: Mapping[int, CurrentFrame], request: ShotRequest) -> list[int]:
     if request.extend is None:
         return []
@@ -151,8 +181,7 @@ def _sample_steps(
                 )
             )
         return [], False
-    if request.spp is not None and request.more is not None:
-        raise Invalid(Sentence("spp-and-more-given", "spp: give either spp (the total per pixel) or more (additional samples)."))
+    check_one_goal(request.spp, request.more)
     if request.frames is not None and shot.order == NOISIEST_FIRST:
         raise Conflict(
             Sentence(
@@ -186,16 +215,7 @@ def _raised_goal(now: int | None, request: ShotRequest, what: str) -> int:
                 what=what,
             )
         )
-    wanted = request.spp if request.spp is not None else (now or 0) + (request.more or 0)
-    if wanted > MAX_SPP:
-        raise Invalid(
-            Sentence(
-                "more-spp-too-high",
-                "more: that makes {spp} samples per pixel; at most {most} are allowed.",
-                spp=wanted,
-                most=MAX_SPP,
-            )
-        )
+    wanted = requested_spp(now or 0, request.spp, request.more)
     if now is not None and wanted < now:
         raise Conflict(
             Sentence(

@@ -86,8 +86,8 @@ class Trust:
         kept = []
         for message, sums in answers:
             verification = next((each for each in self._open if message.batch in each.asked), None)
-            nobody_s = bool(job.verify) and (len(message.senders) != 1 or not all(message.senders))
-            if nobody_s or not self._scheduler.distrusted.isdisjoint(message.senders):
+            has_unknown_sender = bool(job.verify) and (len(message.senders) != 1 or not all(message.senders))
+            if has_unknown_sender or not self._scheduler.distrusted.isdisjoint(message.senders):
                 for piece in message.pieces:
                     self._scheduler.end_batch(job, piece.batch, None, 0.0, piece.worker or message.worker)
             elif verification is not None:

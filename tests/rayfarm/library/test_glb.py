@@ -30,7 +30,7 @@ def test_trimesh_reads_same_arrays() -> None:
         ({"positions": None}, "needs positions"),
         ({"positions": BALL.vertices[:, :2]}, r"shape \(42, 2\)"),
         ({"positions": BALL.vertices * np.nan}, "not finite"),
-        ({"positions": "here"}, "no array of numbers"),
+        ({"positions": "here"}, "not an array of numbers"),
         ({"triangles": BALL.faces + 40}, "the mesh has 42"),
         ({"triangles": BALL.faces - 1}, "counted from 0"),
         ({"triangles": BALL.faces.astype(float)}, "whole numbers"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 from collections.abc import Iterator
@@ -19,7 +20,7 @@ from protocol.contract import WorkerReport, worker_key
 from protocol.mesh import encode_mesh
 from renderer.aovs import AOVS
 from renderer.image import rgbe9995
-from renderer.preview_mesh import PreviewMesh
+from renderer.preview_mesh import PreviewLamp, PreviewMesh
 from renderer.sentences import Sentence, to_text
 from renderer.settings import OPTIONAL, Tile, View
 from service.models.jobs import JobIn, ViewModel
@@ -108,6 +109,37 @@ def test_preview_of_an_earlier_layout_is_not_found(service: Service, scene: str)
             row.info = {**(row.info or {}), "preview": {"sha256": sha256, "size": writer.size}}
         assert service.http.get(url).status_code == status
         assert service.http.get(url, headers={"If-None-Match": f'"{sha256}"'}).status_code == (304 if status == 200 else 404)
+
+
+def test_light_of_a_preview_is_that_of_the_scene_that_a_view_has_prepared(service: Service, scene: str) -> None:
+    """Presets without a sun are known at once; a sky once its scene has a preview that is not one of the scene's own light."""
+    sun = PreviewLamp((0.0, 1.0, 0.0), True, (1.0, 1.0, 1.0))
+    sky = np.linspace(0.1, 1.0, 2 * 4 * 3, dtype=np.float32).reshape(2, 4, 3)
+    one = PreviewMesh(np.zeros((1, 3)), np.zeros((1, 3), np.float32), np.zeros((1, 4), np.uint8), np.zeros((0, 3), np.uint32))
+    url = f"/api/scenes/{scene}/preview-light"
+
+    def store(id: str, mesh: PreviewMesh) -> None:
+        writer = service.farm.blobs.writer()
+        writer.write(encode_mesh(mesh))
+        ref = {"path": "", "sha256": writer.commit(), "size": writer.size, "parts": []}
+        with service.farm.sessions.begin() as session:
+            row = session.get_one(SceneRow, id)
+            row.info = {**(row.info or {}), "preview": ref}
+
+    studio = service.http.get(url, params={"preset": "studio"}).json()
+    assert (studio["width"], studio["height"], studio["lamps"]) == (128, 64, [])
+    problem(service.http.get(url, params={"preset": "moon"}), 422)
+    asked = {"elevation": 30, "azimuth": 60}
+    assert service.http.get(url, params=asked).json() is None
+    lit = service.farm.lighting.row(scene, {"environment": {"sky": asked}}).id
+    store(scene, one)
+    store(lit, one)
+    assert service.http.get(url, params=asked).json() is None
+    store(lit, one._replace(environment=sky, lamps=(sun,)))
+    found = service.http.get(url, params=asked).json()
+    words = np.frombuffer(base64.b64decode(found["words"]), "<u4").reshape(2, 4)
+    np.testing.assert_allclose(rgbe9995.unpack(words), sky, atol=2e-3)
+    assert found["lamps"] == [{**sun._asdict(), "at": [0, 1, 0], "color": [1, 1, 1], "axis": [0, 0, 0], "cosines": [-2, -1]}]
 
 
 def test_long_url_is_not_echoed(service: Service) -> None:

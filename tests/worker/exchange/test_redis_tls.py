@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import datetime
-import ipaddress
 import selectors
 import socket
 import ssl
@@ -16,33 +14,13 @@ from urllib.parse import urlsplit
 import pytest
 import redis
 from celery import Celery
-from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.x509.oid import NameOID
 
 from protocol.broker import celery_config
 from protocol.redis_tls import CA_VARIABLE, with_certificate_authority, without_local_options
 from service.settings import Settings
+from tests.worker.exchange.certificates import certificate
 from worker.exchange.errors import LinkError
 from worker.joining import check_redis
-
-
-def certificate(folder: Path, name: str) -> tuple[Path, Path]:
-    """Returns a self-signed certificate for 127.0.0.1, and its key."""
-    key = ec.generate_private_key(ec.SECP256R1())
-    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
-    now = datetime.datetime.now(datetime.UTC)
-    made = x509.CertificateBuilder().subject_name(subject).issuer_name(subject).public_key(key.public_key())
-    made = made.serial_number(x509.random_serial_number()).not_valid_before(now - datetime.timedelta(1))
-    made = made.add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True)
-    names = x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))])
-    signed = made.add_extension(names, critical=False).not_valid_after(now + datetime.timedelta(1)).sign(key, hashes.SHA256())
-    paths = folder / f"{name}.pem", folder / f"{name}.key"
-    paths[0].write_bytes(signed.public_bytes(serialization.Encoding.PEM))
-    plain = serialization.NoEncryption()
-    paths[1].write_bytes(key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, plain))
-    return paths
 
 
 def relay(inside: socket.socket, port: int) -> None:
@@ -62,7 +40,7 @@ def relay(inside: socket.socket, port: int) -> None:
 @pytest.fixture
 def over_tls(tmp_path: Path, redis_url: str) -> Iterator[tuple[str, Path]]:
     """Puts a TLS proxy in front of the tests' Redis. Yields the proxy's rediss:// URL and the path of its certificate."""
-    authority, key = certificate(tmp_path, "redis")
+    authority, key = certificate(tmp_path, "redis", "127.0.0.1")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(authority, key)
     parts = urlsplit(redis_url)
@@ -88,7 +66,7 @@ def test_redis_certificate_is_verified_by_authority(
     over_tls: tuple[str, Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     url, authority = over_tls
-    for wrong in ("", str(certificate(tmp_path, "other")[0])):
+    for wrong in ("", str(certificate(tmp_path, "other", "127.0.0.1")[0])):
         monkeypatch.setenv(CA_VARIABLE, wrong)
         with pytest.raises(LinkError, match="certificate verify failed"):
             check_redis(with_certificate_authority(url))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import http.server
 import ssl
 import threading
@@ -11,39 +10,21 @@ from pathlib import Path
 
 import httpx
 import pytest
-from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.x509.oid import NameOID
 
 from rayfarm.client import Client, ClientError
+from tests.worker.exchange.certificates import certificate
 from worker.exchange.errors import LinkError, RefusedError
 from worker.exchange.link import Link
 from worker.exchange.trust import TRUST_VARIABLE, verify_option
 
 
-def certificate(folder: Path, name: str) -> Path:
-    """Writes a self-signed certificate for the host `name`, with its key, and returns its path."""
-    key = ec.generate_private_key(ec.SECP256R1())
-    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
-    now = datetime.datetime.now(datetime.UTC)
-    made = x509.CertificateBuilder().subject_name(subject).issuer_name(subject).public_key(key.public_key())
-    made = made.serial_number(x509.random_serial_number()).not_valid_before(now - datetime.timedelta(1))
-    signed = made.not_valid_after(now + datetime.timedelta(1)).sign(key, hashes.SHA256())
-    path = folder / f"{name}.pem"
-    path.write_bytes(signed.public_bytes(serialization.Encoding.PEM))
-    private = key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
-    path.with_suffix(".key").write_bytes(private)
-    return path
-
-
 @pytest.fixture
 def https_server(tmp_path: Path) -> Iterator[tuple[str, Path]]:
     """Yields the URL of an HTTPS server and the path of its certificate, which is for another host name."""
-    own = certificate(tmp_path, "farm.example")
+    own, key = certificate(tmp_path, "farm.example")
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), http.server.BaseHTTPRequestHandler)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.load_cert_chain(own, own.with_suffix(".key"))
+    context.load_cert_chain(own, key)
     server.socket = context.wrap_socket(server.socket, server_side=True)
     thread = threading.Thread(target=server.serve_forever, daemon=True)
     thread.start()
@@ -57,7 +38,7 @@ def test_only_given_certificate_is_accepted(https_server: tuple[str, Path], tmp_
     url, own = https_server
     with httpx.Client(verify=verify_option(str(own))) as client:
         assert client.get(url).status_code == 501  # the server responds
-    other = certificate(tmp_path, "other.example")
+    other, _ = certificate(tmp_path, "other.example")
     both = tmp_path / "both.pem"
     both.write_bytes(other.read_bytes() + own.read_bytes())  # only a file's first certificate counts, not its issuers
     for path in (other, both):

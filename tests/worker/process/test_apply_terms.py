@@ -65,10 +65,10 @@ def ask(store: redis.Redis, heartbeat: Heartbeat, terms: Terms | bytes) -> Any:
 def beat(heartbeat: Heartbeat) -> Any:
     kept = heartbeat.worker.keeping
     assert kept is not None
-    heartbeat.telling.send(WorkerReport("w", "host", 1, 4, "cpu", "k", "ready", 0.0), kept.offer(), [])
-    heard = heartbeat.telling.receive(5.0)
+    heartbeat.connection.send(WorkerReport("w", "host", 1, 4, "cpu", "k", "ready", 0.0), kept.offer(), [])
+    heard = heartbeat.connection.receive(5.0)
     assert heard is not None
-    heartbeat.heard = heard
+    heartbeat.latest = heard
     heartbeat._apply_terms()
     heartbeat._apply_pause()
     return heartbeat.consumer

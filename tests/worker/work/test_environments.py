@@ -84,8 +84,15 @@ def test_bright_lamp_does_not_darken_thumbnail() -> None:
 
 @pytest.mark.long
 def test_shipped_thumbnails_match_presets(tmp_path: Path) -> None:
-    assert {path.stem for path in light_pictures.FOLDER.iterdir()} == set(PRESETS)
+    assert {path.stem for path in light_pictures.FOLDER.glob("*.jpg")} == set(PRESETS)
     for name in PRESETS:
         encode.write(tmp_path / "now.jpg", small_picture(light_pictures.radiance(name), light_pictures.WIDTH))
         now, kept = (np.asarray(Image.open(path), int) for path in (tmp_path / "now.jpg", light_pictures.FOLDER / f"{name}.jpg"))
         assert np.abs(now - kept).mean() < 2, f"{name}: python -m scenes.light_pictures"
+
+
+def test_shipped_radiance_is_that_of_the_presets() -> None:
+    with np.load(light_pictures.RADIANCE) as kept:
+        assert {*kept.files} == {name for name, preset in PRESETS.items() if preset.sky is None}
+        for name in kept.files:
+            np.testing.assert_array_equal(kept[name], light_pictures.table(name), err_msg="python -m scenes.light_pictures")

@@ -77,23 +77,13 @@ export function roughly(seconds) {
   return tn(Math.round(seconds / 86400), "about {n} day", "about {n} days");
 }
 
-/** A range of durations: "10–30 s", "45 s–2 min", "< 2 s" from 0. @param {number} low seconds @param {number} high seconds */
-export function timeRange(low, high) {
-  const [from, to] = [inUnit(low), inUnit(high)];
-  if (!low) return t("< {time}", { time: to.text });
-  return from.unit === to.unit ? t("{low}–{time}", { low: from.n, time: to.text }) : t("{low}–{time}", { low: from.text, time: to.text });
-}
-
-/** An upper limit of a duration: "≤ 30 s". @param {number} seconds */
-export const timeLimit = (seconds) => t("≤ {time}", { time: inUnit(seconds).text });
-
-/** @param {number} seconds @returns {{n: number, unit: string, text: string}} */
-function inUnit(seconds) {
-  const rounded = (/** @type {number} */ size) => Math.round(seconds / size);
-  if (seconds < 60) return { n: rounded(1), unit: "s", text: t("{n} s", { n: rounded(1) }) };
-  if (seconds < 3600) return { n: rounded(60), unit: "min", text: t("{n} min", { n: rounded(60) }) };
-  if (seconds < 86400) return { n: rounded(3600), unit: "h", text: t("{n} h", { n: rounded(3600) }) };
-  return { n: rounded(86400), unit: "d", text: t("{n} d", { n: rounded(86400) }) };
+/** A duration with its unit: "30 s", "1.5 min". @param {number} seconds */
+export function durationText(seconds) {
+  const n = (/** @type {number} */ size) => Number((seconds / size).toPrecision(2));
+  if (seconds < 60) return t("{n} s", { n: n(1) });
+  if (seconds < 3600) return t("{n} min", { n: n(60) });
+  if (seconds < 86400) return t("{n} h", { n: n(3600) });
+  return t("{n} d", { n: n(86400) });
 }
 
 /** A relative noise: "0.8 %". @param {number} noise */

@@ -4,7 +4,7 @@
  */
 
 import { count } from "../base/format.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 import { imageUrl, referenceUrl, snapshotUrl } from "../news/api.js";
 import { DENOISED } from "../film/channels.js";
 import { LiveFilm } from "../film/live-film.js";
@@ -80,7 +80,7 @@ export function pictureUrl({ job, reference }, channel, at, { exposure, curve, f
 }
 
 /** @param {number | null} at */
-export const momentName = (at) => (at === null ? t("now") : t("{n} spp", { n: count(at) }));
+export const momentName = (at) => (at === null ? t("now") : tn(at, "{n} sample", "{n} samples", { n: count(at) }));
 
 /** @typedef {{picture: Picture, channel: string, at: number | null}} Side */
 

@@ -3,7 +3,7 @@
  * chooses the exposure of a picture whose light has changed.
  */
 
-/** @typedef {ReturnType<import("./film.js").Film["brightness"]>} Brightness */
+/** @typedef {import("./brightness.js").Brightness} Brightness */
 
 /** How dark a film is: its brightest radiance, and the stops that make this white. @typedef {{brightest: number, exposure: number}} Darkness */
 

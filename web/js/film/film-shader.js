@@ -12,8 +12,8 @@ export const PARTS = [
   { name: "r", label: "R", hint: t("Red alone, as grey") },
   { name: "g", label: "G", hint: t("Green alone, as grey") },
   { name: "b", label: "B", hint: t("Blue alone, as grey") },
-  { name: "y", label: "Y", hint: t("Luminance, as grey") },
-  { name: "false", label: t("Heat"), hint: t("Luminance in false colour: a colour for every stop") },
+  { name: "y", label: t("Luminance"), hint: t("Luminance, as grey") },
+  { name: "false", label: t("False colour"), hint: t("Luminance in false colour: a colour for every stop") },
 ];
 
 /** @param {string} name @returns {number} */

@@ -1,18 +1,12 @@
 /** The page's copy of a frame: the mean of every pixel as RGB9E5, with its number of samples. */
 
+import { brightnessOf } from "./brightness.js";
 import { decode } from "./rgb9e5.js";
 
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
 
-/** Approximate number of pixels whose brightness is looked at: enough for a percentile, and a few milliseconds. */
-const BRIGHTNESS_PIXELS = 25_000;
-/** The brightest 0.5 % (lamps, fireflies) may clip. The brightest 3 % are lit surfaces where there is sun, the brightest tenth a window or a sky. */
-const [WHITE_QUANTILE, BRIGHT_QUANTILE, HIGH_QUANTILE] = [0.995, 0.97, 0.9];
 /** Place of an RGB9E5 word's exponent, which is 0 for colours below 2^-15. */
 const EXPONENT_SHIFT = 27;
-/** Luminance, as a fraction of the HIGH_QUANTILE, below which a pixel is background or deep shadow and does not count in the key. */
-const SHADOW = 2 ** -8;
-
 export class Film {
   /**
    * @param {number} width
@@ -126,30 +120,9 @@ export class Film {
     return { rgb: decode(this.words[i] ?? 0), samples: this.samples[i] ?? 0 };
   }
 
-  /**
-   * Returns the radiances that all but the brightest 0.5 %, 3 % and 10 % of the pixels stay below (WHITE_QUANTILE, BRIGHT_QUANTILE,
-   * HIGH_QUANTILE), and the key: the log-average luminance (Reinhard et al. 2002, equation 1) with luminances clipped at the HIGH_QUANTILE,
-   * so that lamps do not raise it, and without SHADOW. All are 0 while the film is black. A transparent background does not count.
-   *
-   * @returns {{white: number, bright: number, high: number, key: number}}
-   */
+  /** How bright it is. A transparent background does not count. */
   brightness() {
-    const stride = Math.max(1, Math.floor(this.words.length / BRIGHTNESS_PIXELS));
-    const most = Math.ceil(this.words.length / stride);
-    const [allPeaks, allLuminances] = [new Float32Array(most), new Float32Array(most)];
-    let n = 0;
-    for (let i = 0; i < this.words.length; i += stride) {
-      if (!this.samples[i] || this.coverage?.[i] === 0) continue;
-      const [r, g, b] = decode(this.words[i] ?? 0);
-      allPeaks[n] = Math.max(r, g, b);
-      allLuminances[n++] = 0.2126 * r + 0.7152 * g + 0.0722 * b;
-    }
-    const [peaks, luminances] = [allPeaks.subarray(0, n).sort(), allLuminances.subarray(0, n).sort()];
-    const [white, bright, high] = [WHITE_QUANTILE, BRIGHT_QUANTILE, HIGH_QUANTILE].map((part) => quantile(peaks, part));
-    const top = quantile(luminances, HIGH_QUANTILE);
-    const lit = luminances.filter((each) => each > SHADOW * top).map((each) => Math.log(Math.min(each, top)));
-    const key = top > 0 ? Math.exp(lit.reduce((sum, each) => sum + each, 0) / lit.length) : 0;
-    return { white: white ?? 0, bright: bright ?? 0, high: high ?? 0, key };
+    return brightnessOf(this.words.length, (i) => (!this.samples[i] || this.coverage?.[i] === 0 ? null : decode(this.words[i] ?? 0)));
   }
 
   /** Whether every pixel has samples, and all are black: exactly so, but for a few in which a denoiser leaves less than 2^-15. */
@@ -168,6 +141,3 @@ export class Film {
     return white > 0 ? -Math.log2(white) : null;
   }
 }
-
-/** @param {Float32Array} sorted @param {number} part */
-const quantile = (sorted, part) => sorted[Math.floor((sorted.length - 1) * part)] ?? 0;

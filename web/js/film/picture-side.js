@@ -223,6 +223,13 @@ export class PictureSide {
     return Math.max(1, Math.floor(this.madeOf / (film.width * film.height)));
   }
 
+  /** Whether the job has finished, and its last denoised picture is still to replace a preview or an older one. */
+  isFinishing() {
+    const { channel, error } = this.state.value;
+    if (channel !== DENOISED || !this.fetched || !this.live.finished || error) return false;
+    return this.isPreview || this.previewSpp() !== null;
+  }
+
   /** Leaves a picture's poster, whose noise is not visible, in the place of a film that is not here yet, until it is denoised. */
   holdPoster() {
     const { film, hasPoster } = this.live;

@@ -109,11 +109,12 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
       const tag = /** @type {HTMLElement} */ (tags[i]);
       const spp = side?.previewSpp() ?? null;
       if (side?.showsEarlier()) setText(tag, t("Earlier picture, until this one is as clear"));
-      else if (side?.showsRawMix()) setText(tag, `${t("Light mix")}${waiting ? " …" : ""}`);
+      else if (side?.showsRawMix()) setText(tag, waiting && side.live.finished ? t("Light mix, denoising …") : `${t("Light mix")}${waiting ? " …" : ""}`);
       else if (side?.showsStart()) setText(tag, t("Preview"));
       else if (side?.showsNoise() && side.toldSpp && !given && !error) setText(tag, tn(side.toldSpp, "{n} sample, not denoised yet", "{n} samples, not denoised yet"));
       else if (side?.awaitsDenoised() && !given) setText(tag, waiting ? t("Denoising …") : t("Raw"));
-      else if (spp !== null && !given) setText(tag, tn(spp, "{name}, {n} sample", "{name}, {n} samples", { name, n: count(spp) }));
+      else if (side?.isFinishing() && !given) setText(tag, t("Denoised, finishing …"));
+      else if (spp !== null && !given) setText(tag, tn(spp, "{name} at {n} sample", "{name} at {n} samples", { name, n: count(spp) }));
       else setText(tag, `${name}${(waiting && !isImproved) || isPreview || side?.awaitsDenoised() ? " …" : ""}`);
       tag.hidden = !seen[i] || (!both && (channel === "" || side?.isEmpty() === true));
       tag.classList.toggle("alone", !both);

@@ -9,7 +9,7 @@ import { h, setText } from "../base/dom.js";
 import { LiveFilm } from "./live-film.js";
 import { mixPixel } from "./light-mix.js";
 import { count, radiance } from "../base/format.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("./picture-side.js").PictureSide} PictureSide */
 
@@ -113,14 +113,17 @@ export class PixelReadout {
    * @param {boolean} exact
    */
   show(texts, samples, exact) {
-    const names = channelOf(this.side.state.value.channel).values;
+    const { channel } = this.side.state.value;
+    const isDenoised = channel === DENOISED_MIX ? this.side.hasCleanPlanes : channel === DENOISED && this.side.fetched !== null;
+    const names = channelOf(channel).values;
     setText(this.place, `${this.at?.x}, ${this.at?.y}`);
     this.values.forEach(({ name, value }, i) => {
       setText(name, texts[i] === undefined ? "" : (names[i] ?? ""));
       setText(value, texts[i] ?? "");
     });
     const { live } = this.side;
-    setText(this.samples, live.hasSamples !== false ? t("{n} spp", { n: count(samples) }) : "");
+    const taken = live.hasSamples === false ? "" : tn(samples, "{n} sample", "{n} samples", { n: count(samples) });
+    setText(this.samples, [taken, isDenoised && t("denoised")].filter(Boolean).join(", "));
     this.line.classList.toggle("exact", exact);
     this.line.title = exact ? t("Exact values of the film, linear Rec.709") : t("Values of the live picture, accurate to 0.2 %");
   }

@@ -86,3 +86,28 @@ ${CURVES.map(({ name }, i) => `  if (curve == ${i}) return srgbEncode(${name}(c)
   return c;
 }
 `;
+
+/** What Khronos PBR Neutral keeps, and how it desaturates: as in TONEMAP_GLSL. */
+const [START, DESATURATION] = [0.8 - 0.04, 0.15];
+
+/**
+ * Returns the exposed radiance of a pixel that the default curve displays, its inverse. White is taken for the least radiance that it is.
+ *
+ * @param {number[]} displayed sRGB, 0 to 255
+ * @returns {[number, number, number]} linear
+ */
+export function undisplayed(displayed) {
+  const coded = displayed.map((value) => Math.min(value, 254.5) / 255);
+  let color = coded.map((value) => (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4));
+  const shown = Math.max(...color);
+  if (shown > START) {
+    const d = 1 - START;
+    const peak = (d * d) / (1 - shown) - d + START;
+    const grey = 1 - 1 / (DESATURATION * (peak - shown) + 1);
+    color = color.map((value) => (Math.max(value - grey * shown, 0) / (1 - grey)) * (peak / shown));
+  }
+  const least = Math.min(...color);
+  const offset = least < 0.04 ? Math.sqrt(least / 6.25) - least : 0.04;
+  const [r = 0, g = 0, b = 0] = color;
+  return [r + offset, g + offset, b + offset];
+}

@@ -31,7 +31,7 @@ import { t } from "../base/words.js";
 
 /** @type {Light[]} */
 const ALWAYS = [
-  { id: "own", label: t("From the file"), help: t("The light in the file.") },
+  { id: "own", label: t("From file"), help: t("The light in the file.") },
   { id: "color", label: t("One colour"), help: t("The same light from every direction.") },
 ];
 /** In the place of the scene's own. @type {Light} */
@@ -49,9 +49,10 @@ export const PLACE_SUN = "place-sun";
 /**
  * @param {Record<string, any>} first what the fields show first, where that is not each setting's default; `light`: a request's
  * @param {boolean} isLightless whether the scene has no light of its own, so that a studio light stands in
+ * @param {string} [scene] its id
  * @returns {{element: HTMLElement, get: () => EnvironmentRequest, handle: LightHandle, dispose: () => void}} get: what differs from the scene's own
  */
-export function environmentFields(first, isLightless) {
+export function environmentFields(first, isLightless, scene = "") {
   const { environment = null } = first;
   /** @type {EnvironmentRequest} */
   const before = first.light ?? {};
@@ -182,7 +183,7 @@ export function environmentFields(first, isLightless) {
   });
   if (!environments.value) loadEnvironments().catch((error) => setText(hint, error.message));
   // The form that is shown before the view, in which nothing can be chosen, leaves the file to the next one.
-  const drops = registerLightReceiver((file) => void (element.closest(".not-yet") ? holdLight(file) : add(file)));
+  const drops = registerLightReceiver((file) => void (element.closest(".not-yet") ? holdLight(file, scene) : add(file)), scene);
   return {
     element,
     dispose: () => (listen(), drops(), more.dispose()),

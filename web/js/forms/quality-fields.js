@@ -1,9 +1,10 @@
 /** The quality of a picture: samples per pixel, by presets with their expected time and noise, or as a number. */
 
 import { h, setText } from "../base/dom.js";
-import { noiseText, timeLimit } from "../base/format.js";
+import { noiseText } from "../base/format.js";
+import { expectedText } from "./expected-time.js";
 import { field, numberOf, segments, typeNext } from "./fields.js";
-import { CUSTOM, QUALITIES, steadyRanges } from "./render-presets.js";
+import { CUSTOM, QUALITIES } from "./render-presets.js";
 import { numberFor } from "./setting-field.js";
 import { addSlider } from "./slider.js";
 import { known, settingOf } from "../news/settings-table.js";
@@ -46,12 +47,11 @@ export function qualityFields(defaults, changed, expect) {
     choices.map(({ name, element }) => ({ value: name, label: element })),
     choose,
   );
-  const ranges = steadyRanges();
   const update = () => {
     for (const { spp: preset, costs, element } of choices) {
       const samples = preset ?? get();
       const { seconds, noise } = expect(samples);
-      setText(costs, seconds === null ? t("{n} spp", { n: samples }) : timeLimit(ranges(`${samples}`, seconds)[1]));
+      setText(costs, seconds === null ? String(samples) : t("~{time}", { time: expectedText(seconds) }));
       element.title = [t("{n} samples", { n: samples }), noise === null ? "" : t("{noise} noise", { noise: noiseText(noise) })].filter(Boolean).join(" · ");
     }
     setText(quality.aside, t("{n} samples", { n: get() }));

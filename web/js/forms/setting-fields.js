@@ -25,9 +25,10 @@ const SIZE = ["width", "height"];
  * @param {Record<string, any>} [first] what the fields show first, where that is something else; `light`: a request's
  * @param {string[]} [groups] the scene's light groups
  * @param {boolean} [isLightless] whether a studio light stands in for the scene's own
+ * @param {string} [scene] its id
  * @returns {{light: HTMLElement, basic: HTMLElement[], advanced: HTMLElement[], get: () => Partial<JobRequest>, lightHandle: import("./environment-fields.js").LightHandle, dispose: () => void}}
  */
-export function settingFields(defaults, first = {}, groups = [], isLightless = false) {
+export function settingFields(defaults, first = {}, groups = [], isLightless = false, scene = "") {
   /** @param {Setting} setting what a request that leaves it out gets */
   const own = (setting) => defaults[setting.name] ?? setting.default;
   const fields = known()
@@ -36,7 +37,7 @@ export function settingFields(defaults, first = {}, groups = [], isLightless = f
     .filter(({ name }) => name !== "light_groups" || groups.length > 0)
     .map((setting) => fieldOf(setting)(setting, first[setting.name] ?? own(setting), () => show(), own(setting), groups));
   const ends = ["noise", "seconds"].map((name) => settingField(settingOf("work", name), first[name] ?? null));
-  const environment = environmentFields(first, isLightless);
+  const environment = environmentFields(first, isLightless, scene);
   const integrator = /** @type {SettingField} */ (fields.find(({ setting }) => setting.name === "integrator"));
   const show = () => {
     for (const { setting, element } of fields) setShown(element, isRead(setting, integrator.get()));

@@ -76,7 +76,7 @@ export function sunDial(changed) {
     for (const [name, value] of [["cx", x], ["cy", y]]) disk.setAttribute(String(name), String(value));
     for (const [name, value] of [["x2", x], ["y2", y]]) ray.setAttribute(String(name), String(value));
     element.setAttribute("aria-valuenow", String(sun.elevation));
-    element.setAttribute("aria-valuetext", `${sun.elevation}° high, ${sun.azimuth}° around`);
+    element.setAttribute("aria-valuetext", t("{elevation}° high, direction {azimuth}°", sun));
   };
   /** @param {{elevation: number, azimuth: number}} next @param {boolean} isDone */
   const move = (next, isDone) => {

@@ -284,7 +284,7 @@ function exposureField(display, normalise, usual = 0) {
       h(
         "button",
         { class: "text-button small", type: "button", title: t("Bring the brightest below 1 (N)"), onclick: normalise },
-        t("Normalise"),
+        t("Fit exposure"),
       ),
     ),
   );

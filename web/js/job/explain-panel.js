@@ -8,7 +8,7 @@ import { drawPath } from "../film/path-lines.js";
 import { icon } from "../base/icons.js";
 import { announce } from "../shell/tray.js";
 import { toolWord } from "./picture-tools.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Explained} Explained */
 /** @typedef {import("../base/types.js").PixelPath} PixelPath */
@@ -39,6 +39,8 @@ const LAST_SAMPLE = 1048575;
 const listed = (values) => (values ? values.map((value) => (value == null ? "–" : radiance(value))).join("  ") : "–");
 /** @param {number[]} a @param {number[]} b */
 const sum = (a, b) => a.map((value, i) => value + (b[i] ?? 0));
+/** @param {number} n per pixel */
+const samplesText = (n) => tn(n, "{n} sample", "{n} samples", { n: count(n) });
 /** @param {number} share */
 const percent = (share) => `${Number((share * 100).toPrecision(3))} %`;
 
@@ -52,13 +54,14 @@ const FEW = 16;
  * @param {import("../base/store.js").Disposer} life
  * @param {{around: (sample: number) => {without: number | null, with: number | null}, goTo: (spp: number | null) => void} | null} moments
  *   the picture's sample history, if it has one
+ * @param {(isShown: boolean) => void} opened called when it is shown, also for another pixel, and when it is closed
  */
-export function explainPanel(picture, life, moments) {
+export function explainPanel(picture, life, moments, opened) {
   const { view, live } = picture;
-  const title = h("h2", null, t("Explained pixel"));
-  const shut = h("button", { class: "icon-button", type: "button", "aria-label": t("Close the explanation"), title: t("Close (Escape)"), onclick: () => close() }, icon("close"));
+  const title = h("h2", null, t("Paths of a pixel"));
+  const shut = h("button", { class: "icon-button", type: "button", "aria-label": t("Close the paths"), title: t("Close (Escape)"), onclick: () => close() }, icon("close"));
   const body = h("div", { class: "stack tight" });
-  const element = h("section", { class: "side-section stack tight explained", "aria-label": t("Explained pixel"), hidden: true }, h("div", { class: "row spread" }, title, shut), body);
+  const element = h("section", { class: "side-section stack tight explained", "aria-label": t("Paths of a pixel"), hidden: true }, h("div", { class: "row spread" }, title, shut), body);
   let asking = new AbortController();
   /** @type {Pixel | null} */
   let pixel = null;
@@ -76,6 +79,7 @@ export function explainPanel(picture, life, moments) {
     const hadFocus = element.contains(document.activeElement);
     pixel = shown = null;
     element.hidden = true;
+    opened(false);
     draw();
     if (hadFocus) button.focus();
   };
@@ -85,7 +89,8 @@ export function explainPanel(picture, life, moments) {
     const { signal } = (asking = new AbortController());
     pixel = at;
     element.hidden = false;
-    setText(title, t("Pixel {x}, {y} explained", { x: at.x, y: at.y }));
+    opened(true);
+    setText(title, t("Paths of pixel {x}, {y}", { x: at.x, y: at.y }));
     if (sample === null) {
       shown = null;
       draw();
@@ -125,7 +130,7 @@ export function explainPanel(picture, life, moments) {
       const { without = null, with: having = null } = moments?.around(sample) ?? {};
       const link = (/** @type {number | null} */ spp, /** @type {string} */ text) => spp !== null && h("button", { class: "text-button small", type: "button", onclick: () => moments?.goTo(spp) }, text);
       if (without === null && having === null) return null;
-      return h("p", { class: "row small" }, h("span", { class: "quiet" }, t("Sample history")), link(without, t("Without it: {n} spp", { n: count(without ?? 0) })), link(having, t("With it: {n} spp", { n: count(having ?? 0) })));
+      return h("p", { class: "row small" }, h("span", { class: "quiet" }, t("Sample history")), link(without, t("Without it: {picture}", { picture: samplesText(without ?? 0) })), link(having, t("With it: {picture}", { picture: samplesText(having ?? 0) })));
     };
     const number = h("input", { type: "number", min: 0, max: LAST_SAMPLE, step: 1, "aria-label": t("Number of a sample"), value: sample === null ? "" : String(sample) });
     const other = h("form", { class: "row other-sample", onsubmit: (/** @type {Event} */ event) => (event.preventDefault(), number.value && void explain({ x: found.x, y: found.y }, number.valueAsNumber)) }, h("span", { class: "quiet" }, t("Another sample")), number, h("button", { class: "button", type: "submit" }, t("Follow")));
@@ -146,8 +151,8 @@ export function explainPanel(picture, life, moments) {
     isOn = on;
     button.setAttribute("aria-pressed", String(on));
   };
-  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Explain a pixel"), onclick: () => turn(!isOn) }, icon("path"), toolWord(t("Explain")));
-  button.title = t("Explain a pixel: click on the picture to see its light's paths (Q explains the one under the cursor)");
+  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Show a pixel's paths"), onclick: () => turn(!isOn) }, icon("path"), toolWord(t("Show paths")));
+  button.title = t("Show paths: click on a pixel to see how its light was found (Q: at the cursor)");
   if (view) {
     /** @type {Pixel | null} */
     let from = null;
@@ -168,7 +173,7 @@ export function explainPanel(picture, life, moments) {
     close: () => void ((pixel || isOn) && close()),
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [
-      { keys: "Q", does: t("Explain the pixel under the cursor: its paths over the picture"), run: () => view?.over.cursor && void explain({ ...view.over.cursor }) },
+      { keys: "Q", does: t("Show the paths of the pixel under the cursor"), run: () => view?.over.cursor && void explain({ ...view.over.cursor }) },
     ],
   };
 }
@@ -187,7 +192,7 @@ function shareOf({ samples, mean }, path) {
 /** @param {Explained} found @returns {string} */
 function verdict({ samples, mean, equals_film: equals, worker }) {
   if (!samples) return t("The pixel has no samples yet; its first one is shown.");
-  const said = t("{n} samples followed again by {worker}; their mean is {mean}.", { n: count(samples), worker: worker ?? "?", mean: listed(mean) });
+  const said = t("{n} samples followed again by {worker}; their mean, not denoised, is {mean}.", { n: count(samples), worker: worker ?? "?", mean: listed(mean) });
   return `${said} ${equals === true ? t("Their sum equals the picture exactly.") : equals === false ? t("Their sum differs from the picture: the picture or the scene has changed.") : ""}`;
 }
 

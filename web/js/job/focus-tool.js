@@ -29,15 +29,15 @@ export function focusTool(job, picture, life) {
   let isOn = false;
   const button = h(
     "button",
-    { class: "icon-button for-submit part-first", type: "button", "aria-pressed": "false", "aria-label": t("Render a part first"), onclick: () => turn(!isOn) },
+    { class: "icon-button for-submit part-first", type: "button", "aria-pressed": "false", "aria-label": t("Render a region first"), onclick: () => turn(!isOn) },
     icon("region"),
-    toolWord(t("Part first")),
+    toolWord(t("Region first")),
   );
-  button.title = t("Render a part first: click or drag on the picture (A); Shift and drag does it at once");
+  button.title = t("Render a region first: click or drag on the picture (A); Shift and drag does it at once");
   const said = h("span");
   const end = h(
     "button",
-    { class: "icon-button for-submit", type: "button", "aria-label": t("Render all parts equally again"), title: t("Render all parts equally again (Shift+A)"), onclick: () => ask(null) },
+    { class: "icon-button for-submit", type: "button", "aria-label": t("Render the whole picture equally again"), title: t("Render the whole picture equally again (Shift+A)"), onclick: () => ask(null) },
     icon("close"),
   );
   const chip = h("div", { class: "stage-chip", role: "status", hidden: true }, said, end);
@@ -55,7 +55,7 @@ export function focusTool(job, picture, life) {
     turn(false);
     const focus = rect && /** @type {[number, number, number, number]} */ ([rect.x, rect.y, rect.w, rect.h]);
     const first = isShot(latest) ? { first: rect ? live.frame : -1 } : {};
-    announce(rect ? t("This part is rendered first") : t("All parts are rendered equally"));
+    announce(rect ? t("This region is rendered first") : t("The whole picture is rendered equally"));
     void change(latest, { focus, ...first }, t("The order was not changed"));
   };
   const show = () => {
@@ -82,8 +82,8 @@ export function focusTool(job, picture, life) {
     button,
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [
-      { keys: "A", does: t("Render a part first: then click or drag on the picture"), run: () => turn(!isOn) },
-      { keys: "Shift+A", does: t("Render all parts equally again"), run: () => (latest.focus ? ask(null) : turn(false)) },
+      { keys: "A", does: t("Render a region first: then click or drag on the picture"), run: () => turn(!isOn) },
+      { keys: "Shift+A", does: t("Render the whole picture equally again"), run: () => (latest.focus ? ask(null) : turn(false)) },
     ],
     /** @param {Job} next */
     update(next) {

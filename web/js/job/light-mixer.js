@@ -5,7 +5,6 @@ import { MOST_STOPS, clampStops, isPlain, plainStrip } from "../film/light-mix.j
 import { h, setText } from "../base/dom.js";
 import { MOST_GROUPS } from "../forms/setting-field.js";
 import { icon } from "../base/icons.js";
-import { isLightless, lightWords, ownLight } from "../base/light-words.js";
 import { roughly, stops } from "../base/format.js";
 import { scenes } from "../news/farm.js";
 import { isRead, settingOf } from "../news/settings-table.js";
@@ -15,10 +14,10 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 /** @typedef {import("../film/light-mix.js").Strip} Strip */
 
-/** Whether a job's picture has lights that can be mixed, or may have them if it is rendered again; not if its only light is an environment. @param {import("../base/types.js").Job} job */
+/** Whether a job's picture has lights that can be mixed, or would have them if it were rendered again. False until the scenes are listed, if it has none. @param {import("../base/types.js").Job} job */
 export function canMixLights(job) {
   const scene = scenes.value?.find(({ id }) => id === job.scene);
-  return lightGroups(job.settings).length > 0 || !scene || (scene.light_groups ?? []).length > 0 || !isLightless(scene);
+  return lightGroups(job.settings).length > 0 || (scene?.light_groups ?? []).length > 0;
 }
 
 /**
@@ -127,7 +126,6 @@ function withoutGroups(latest, life, renderWith) {
   const job = latest();
   const told = h("p", { class: "quiet small" });
   const again = h("a", { class: "button", href: `${linkTo("scenes", job.scene)}?like=${job.id}` }, icon("refresh"), t("Render with other settings"));
-  const guide = h("a", { class: "small", href: "docs/guides/compositing#light-groups" }, t("Light groups"));
   const start = async () => {
     render.disabled = true;
     await renderWith(groups);
@@ -149,21 +147,15 @@ function withoutGroups(latest, life, renderWith) {
       const scene = all?.find(({ id }) => id === job.scene);
       groups = (scene?.light_groups ?? []).slice(0, MOST_GROUPS);
       const canSplit = isRead(settingOf("settings", "light_groups"), job.settings?.["integrator"] ?? "path");
-      const lacksLight = scene !== undefined && isLightless(scene);
-      price.hidden = render.hidden = !groups.length || !canSplit;
-      again.hidden = groups.length ? canSplit : !lacksLight;
-      guide.hidden = groups.length > 0 || lacksLight;
+      price.hidden = render.hidden = !canSplit;
+      again.hidden = canSplit;
       setText(
         told,
-        groups.length && !canSplit
-          ? t("Lights can be mixed in pictures of path tracing and of direct light only.")
-          : groups.length
-            ? t("Rendered again, this picture gets a slider for each light: {groups}.", { groups: groups.join(", ") })
-            : lacksLight
-              ? t("Nothing to mix: the only light is {light}.", { light: lightWords(latest().environment, scene) || ownLight(scene) })
-              : t("No lamps to mix were found in this scene. Its file can name light groups."),
+        canSplit
+          ? t("Rendered again, this picture gets a slider for each light: {groups}.", { groups: groups.join(", ") })
+          : t("Lights can be mixed in pictures of path tracing and of direct light only."),
       );
     }),
   );
-  return h("section", { class: "side-section stack", "aria-label": t("Lights") }, h("h2", null, t("Lights")), told, render, price, again, guide);
+  return h("section", { class: "side-section stack", "aria-label": t("Lights") }, h("h2", null, t("Lights")), told, render, price, again);
 }

@@ -72,16 +72,16 @@ export function momentsPanel(job, picture, display, life) {
     const snapshot = known.find(({ spp }) => spp === at);
     slider.max = String(known.length);
     slider.valueAsNumber = snapshot ? known.indexOf(snapshot) : known.length;
-    const name = snapshot ? wordsOf(snapshot, before?.denoise !== "off") : t("Current");
+    const isRaw = (before?.denoise ?? (job().denoise ? "on" : "off")) !== "off"; // the current picture is denoised, and this one is not
+    const name = snapshot ? wordsOf(snapshot, isRaw) : t("Current");
     slider.setAttribute("aria-valuetext", name);
     fewer.disabled = slider.valueAsNumber === 0;
     more.disabled = !snapshot;
     setText(said, name);
-    if (snapshot) said.title = t("Only the present picture can be denoised");
-    else said.removeAttribute("title");
     links.hidden = !snapshot;
     tag.hidden = !snapshot;
-    setText(tag, snapshot ? t("{n} spp", { n: count(snapshot.spp) }) : "");
+    const taken = snapshot ? tn(snapshot.spp, "{n} sample", "{n} samples", { n: count(snapshot.spp) }) : "";
+    setText(tag, taken && isRaw ? t("{picture}, not denoised", { picture: taken }) : taken);
     if (!snapshot) {
       picture.side()?.play(null);
       return;
@@ -170,10 +170,10 @@ export function momentsPanel(job, picture, display, life) {
 /** @param {number} spp */
 const shortOf = (spp) => (spp < 1024 ? String(spp) : `${spp / 1024}k`);
 
-/** @param {Snapshot} snapshot @param {boolean} isRaw whether the present picture is denoised, and this one is not */
+/** @param {Snapshot} snapshot @param {boolean} isRaw whether the current picture is denoised, and this one is not */
 function wordsOf({ spp, least, most, seconds }, isRaw) {
   const time = seconds < 60 ? t("{n} s", { n: Math.max(1, Math.round(seconds)) }) : clock(seconds);
   const taken = tn(spp, "{n} sample per pixel, after {time}", "{n} samples per pixel, after {time}", { n: count(spp), time });
-  const from = isRaw ? t("{picture}, not denoised", { picture: taken }) : taken;
-  return least === most && least === spp ? from : `${from}; ${t("{least} to {most} per tile", { least: count(least), most: count(most) })}`;
+  const whole = least === most && least === spp ? taken : `${taken}; ${t("{least} to {most} per tile", { least: count(least), most: count(most) })}`;
+  return isRaw ? t("{picture}. Only the current picture is denoised.", { picture: whole }) : whole;
 }

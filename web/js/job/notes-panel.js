@@ -45,7 +45,7 @@ export function notesPanel(job, picture, life, { open, begin, goTo }) {
   const save = h("button", { class: "button small primary", type: "submit" }, t("Save note"));
   const pinIt = h("button", { class: "button small", type: "button", onclick: () => (setSpot(spot ?? { x: 0.5, y: 0.5 }), pins?.focusDraft()) }, icon("pin"), t("Pin"));
   const form = h("form", { class: "stack tight", hidden: true }, area, hint, h("div", { class: "row wraps" }, save, pinIt, h("button", { class: "text-button small", type: "button", onclick: () => close() }, t("Cancel"))));
-  const none = h("p", { class: "quiet small" }, t("No notes yet. Press “Add note”, then click the picture to pin one."));
+  const none = h("p", { class: "quiet small" }, t("No notes yet. Press “Add note”, then click or tap the picture to pin one."));
   const list = h("ol", { class: "note-list" });
   const resolved = h("ol", { class: "note-list" });
   const summary = h("summary", null);
@@ -158,7 +158,7 @@ export function notesPanel(job, picture, life, { open, begin, goTo }) {
   let spot = null;
   const showSpot = (/** @type {Spot | null} */ next) => {
     spot = next;
-    setText(hint, next ? t("Pinned. Click the picture to move the pin.") : t("Applies to the whole picture. Click the picture to pin the note to a place."));
+    setText(hint, next ? t("Pinned. Click or tap the picture to move the pin.") : t("Applies to the whole picture. Click or tap the picture to pin the note to a place."));
   };
   const setSpot = (/** @type {Spot | null} */ next) => {
     showSpot(next);

@@ -58,8 +58,8 @@ export function pinsPanel(picture, display, life, explain, tell) {
   const clear = h("button", { class: "text-button small", type: "button", onclick: () => set([]) }, t("Remove all"));
   const element = h(
     "section",
-    { class: "side-section stack tight", "aria-label": t("Probes"), hidden: true },
-    h("div", { class: "row spread" }, h("h2", null, t("Probes")), clear),
+    { class: "side-section stack tight", "aria-label": t("Inspected pixels"), hidden: true },
+    h("div", { class: "row spread" }, h("h2", null, t("Inspected pixels")), clear),
     rows,
   );
   const set = (/** @type {Pin[]} */ pins) => display.update((look) => ({ ...look, pins }));
@@ -67,7 +67,7 @@ export function pinsPanel(picture, display, life, explain, tell) {
     const { pins } = display.value;
     const without = pins.filter((other) => keyOf(other) !== keyOf(pin));
     if (without.length === pins.length && pins.length === MOST) {
-      announce(t("There are {most} probes; remove one first", { most: MOST }));
+      announce(t("{most} places are inspected already; remove one first", { most: MOST }));
       return;
     }
     set(without.length < pins.length ? without : [...pins, pin]);
@@ -78,7 +78,7 @@ export function pinsPanel(picture, display, life, explain, tell) {
     const from = pins.at(-1);
     const to = view?.over.cursor;
     if (!from || from.w || !to || (from.x === to.x && from.y === to.y)) {
-      announce(t("Probe one corner with V, go to the other, then press G"));
+      announce(t("Inspect one corner with V, go to the other, then press G"));
       return;
     }
     const area = { x: Math.min(from.x, to.x), y: Math.min(from.y, to.y), w: Math.abs(from.x - to.x) + 1, h: Math.abs(from.y - to.y) + 1 };
@@ -142,8 +142,8 @@ export function pinsPanel(picture, display, life, explain, tell) {
 
   /** Whether the tool is active, so that a click or drag sets a pin. */
   let isOn = false;
-  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Probe pixels"), onclick: () => turn(!isOn) }, icon("probe"), toolWord(t("Probe")));
-  button.title = t("Probe: click the picture to read a pixel, or a probe to remove it (V: at the cursor); drag to measure an area");
+  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Inspect pixels"), onclick: () => turn(!isOn) }, icon("probe"), toolWord(t("Inspect")));
+  button.title = t("Inspect: click a pixel to keep its values in view, click it again to remove it (V: at the cursor); drag to measure an area");
   const turn = (/** @type {boolean} */ on) => {
     isOn = on;
     button.setAttribute("aria-pressed", String(on));
@@ -158,9 +158,9 @@ export function pinsPanel(picture, display, life, explain, tell) {
     button,
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [
-      { keys: "V", does: t("Probe the pixel under the cursor, or remove its probe"), run: () => view?.over.cursor && toggle(view.over.cursor) },
-      { keys: "G", does: t("Measure the area from the last probe to the cursor"), run: stretch },
-      { keys: "Shift+V", does: t("Remove all probes"), run: () => set([]) },
+      { keys: "V", does: t("Inspect the pixel under the cursor, or remove it"), run: () => view?.over.cursor && toggle(view.over.cursor) },
+      { keys: "G", does: t("Measure the area from the last inspected pixel to the cursor"), run: stretch },
+      { keys: "Shift+V", does: t("Remove all inspected pixels"), run: () => set([]) },
     ],
   };
 }
@@ -183,7 +183,7 @@ function pinRow(pin, number, { remove, explain, tell }) {
     h("button", { class: "icon-button", type: "button", "aria-label": name, title: name, onclick: () => run(pin) }, icon(sign));
   const ofPixel = [
     button("lines", t("The log of the tile with {x}, {y}", { x, y }), tell),
-    button("path", t("Explain the pixel {x}, {y}", { x, y }), explain),
+    button("path", t("Show the paths of pixel {x}, {y}", { x, y }), explain),
   ];
   const element = h(
     "li",
@@ -194,7 +194,7 @@ function pinRow(pin, number, { remove, explain, tell }) {
       ...[h("strong", null, String(number)), h("span", null, w ? t("{w}×{h} at {x}, {y}", { w, h: high ?? 0, x, y }) : `${x}, ${y}`)],
       h("span", { class: "grow" }),
       w ? [] : ofPixel,
-      button("close", t("Remove the probe at {x}, {y}", { x, y }), remove),
+      button("close", t("Stop inspecting {x}, {y}", { x, y }), remove),
     ),
     h("dl", null, cells.map((cell, c) => h("div", null, h("dt", null, "RGBY"[c] ?? ""), cell))),
     about,
@@ -240,7 +240,7 @@ async function readingOfPixel(live, { x, y }, signal) {
 function readingOfArea(film, { x, y, w = 1, h = 1 }) {
   const { rgb, least, most, luminance, spread, pixels } = areaOf(film, { x, y, w, h });
   const about = pixels
-    ? t("Y from {least} to {most}, spread {spread}", { least: radiance(least), most: radiance(most), spread: percent(luminance && spread / luminance) })
+    ? t("Luminance from {least} to {most}, spread {spread}", { least: radiance(least), most: radiance(most), spread: percent(luminance && spread / luminance) })
     : t("No samples yet");
   return { light: rgb, about, title: t("The mean of {n} pixels", { n: grouped(pixels) }) };
 }

@@ -50,7 +50,7 @@ export function stageKeys({ view, display, normalise, usual = 0, inShot = false 
     { keys: "E", does: t("Half a stop brighter"), run: () => expose(display.value.exposure + EXPOSURE_STEP) },
     { keys: "Shift+E", does: t("Half a stop darker"), run: () => expose(display.value.exposure - EXPOSURE_STEP) },
     { keys: "R", does: t("Reset the exposure"), run: () => expose(usual) },
-    { keys: "N", does: t("Normalise: the brightest below white"), run: normalise },
+    { keys: "N", does: t("Fit exposure: the brightest just below white"), run: normalise },
     { keys: "F", does: t("Fit the picture"), run: () => view?.fit() },
     { keys: "1", does: t("One picture pixel per screen pixel"), run: () => view?.actualSize() },
     { keys: "+", does: t("Zoom in"), run: () => view?.zoom(1) },

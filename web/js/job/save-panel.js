@@ -58,7 +58,7 @@ export function savePanel(display, place, hasDeep) {
       { class: "side-section stack tight", "aria-label": t("Save") },
       h("h2", null, t("Save")),
       h("div", { class: "split" }, links.map(({ element }) => element)),
-      h("p", { class: "quiet small" }, t("PNG and JPG as the picture looks here, EXR for compositing, AVIF for HDR displays.")),
+      h("p", { class: "quiet small" }, t("PNG and JPG as the picture looks here, EXR for compositing, AVIF and JPEG XL for HDR displays.")),
       h("div", { class: "row wraps" }, denoised, hdr),
       deep,
     ),

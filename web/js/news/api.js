@@ -239,8 +239,18 @@ export const getWorkerLog = (name) => call("GET", `/workers/${encodeURIComponent
 /** @returns {Promise<import("../base/types.js").Joining>} */
 export const getJoining = () => call("GET", "/joining");
 
-/** @returns {Promise<Info>} */
-export const getInfo = () => call("GET", "/info");
+/** @type {Promise<Info> | null} */
+let info = null;
+
+/** Fetches what the service accepts, which may be another release after an interruption. @returns {Promise<Info>} */
+export function renewInfo() {
+  const asked = (info = call("GET", "/info"));
+  asked.catch(() => info === asked && (info = null));
+  return asked;
+}
+
+/** Returns what the service accepts, as it was fetched last. @returns {Promise<Info>} */
+export const getInfo = () => info ?? renewInfo();
 
 /** @returns {Promise<Example[]>} */
 export const getExamples = () => call("GET", "/examples");
@@ -441,6 +451,21 @@ export async function fetchMesh(scene, signal) {
   const response = await fetchWithRetries(`api/scenes/${scene}/preview`, { signal });
   if (!response.ok) throw errorOf(response.status, await response.text());
   return readMesh(/** @type {ReadableStream<Uint8Array>} */ (response.body));
+}
+
+/**
+ * Fetches the light of a scene's preview mesh in another environment; null: the service does not have it yet.
+ *
+ * @param {string} scene
+ * @param {Record<string, any>} request a view's
+ * @param {AbortSignal} signal
+ * @returns {Promise<import("../scene/chosen-light.js").SentLight | null>}
+ */
+export async function fetchPreviewLight(scene, { environment: { preset, sky, image } = {}, variant, up, floor }, signal) {
+  const fields = Object.entries({ preset, ...sky, image, variant, up, floor }).filter(([, value]) => value != null);
+  const response = await fetchWithRetries(`api/scenes/${scene}/preview-light?${new URLSearchParams(fields.map(([name, value]) => [name, String(value)]))}`, { signal });
+  if (!response.ok) throw errorOf(response.status, await response.text());
+  return response.json();
 }
 
 /** @param {Response} response */

@@ -152,7 +152,7 @@ export function followFarm() {
     source.onopen = async () => {
       meanwhile = [];
       try {
-        const lists = await Promise.all([api.getScenes(), api.getJobs(), api.getWorkers(), api.getInfo()]);
+        const lists = await Promise.all([api.getScenes(), api.getJobs(), api.getWorkers(), api.renewInfo()]);
         table.set(inWords(lists[3])); // first, since descriptions of jobs and scenes use it
         jobs.set(lists[1]);
         scenes.set(lists[0]); // after the jobs, since a scene's form may start with the settings of a job

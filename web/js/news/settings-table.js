@@ -1,7 +1,7 @@
 /** All settings of a picture with their ranges, names and descriptions, from GET /api/info. */
 
 import { Store } from "../base/store.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Setting} Setting */
 /** @typedef {import("../base/types.js").SettingsTable} SettingsTable */
@@ -85,7 +85,8 @@ export function valueText(setting, value) {
  * @param {Setting} setting
  * @param {any} value
  */
-export const phraseOf = (setting, value) => setting.phrase.replace("{}", valueText(setting, value));
+export const phraseOf = (setting, value) =>
+  setting.name === "spp" && value != null ? tn(value, "{n} sample", "{n} samples") : setting.phrase.replace("{}", valueText(setting, value));
 
 /**
  * Describes a job's goal briefly. With a target noise or time, samples are only a limit.

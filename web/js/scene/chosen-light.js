@@ -1,102 +1,82 @@
-/** The environment light that a request chooses, for the preview mesh. Sources of the presets: renderer/scene/presets.py. */
+/** The environment light that a request chooses, for the preview mesh: as the service sends it (service/scenes/light.py), turned and scaled. */
 
-import { HEIGHT, directionsOf, studio, unpacked } from "./mesh-environment.js";
+import { decode } from "../film/rgb9e5.js";
+import { studio, unpacked } from "./mesh-environment.js";
 
 /** @typedef {import("./mesh-environment.js").Environment} Environment */
 /** @typedef {import("../base/types.js").EnvironmentRequest} EnvironmentRequest */
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
+/** @typedef {import("../news/mesh-packet.js").Lamp} Lamp */
 
-/** Softboxes: azimuth and elevation, half of width and height, all in degrees, and radiance. @type {Record<string, [number, number, number, number, number][]>} */
-const LAMPS = {
-  studio: [
-    [-48, 36, 22, 17, 7],
-    [62, 22, 15, 26, 2.4],
-    [5, 80, 34, 15, 1.2],
-    [155, 34, 14, 12, 3.5],
-  ],
-  "dark-studio": [
-    [-62, 12, 6, 46, 12],
-    [58, 12, 6, 46, 7],
-    [180, 58, 40, 5, 6],
-  ],
-};
+/** A light as the service sends it. words: RGB9E5, in base64. lamps: with the sun. @typedef {{width: number, height: number, words: string, lamps: Lamp[]}} SentLight */
+/** The light of a mesh. environment: null: black. @typedef {{environment: Environment | null, lamps: Lamp[]}} MeshLight */
 
-/** Radiance by the sine of the elevation. @type {Record<string, (up: number) => number>} */
-const BEHIND = {
-  studio: (up) => 0.16 + 0.44 * (up > 0 ? Math.exp(-((up / 0.4) ** 2)) : Math.exp(3.2 * up)),
-  "dark-studio": (up) => 0.02 + 0.05 * Math.exp(-((up / 0.25) ** 2)),
-  "even-white": () => 1,
-  overcast: (up) => (up > 0 ? (9 / 7) * ((1 + 2 * up) / 3) : 0.2),
-};
+/** The lights that the service has sent, by mesh and keyOf; lamps: those besides the mesh's. @type {WeakMap<MeshPacket, Map<string, MeshLight>>} */
+const sent = new WeakMap();
 
-/** @param {number} place */
-function softEdge(place) {
-  const at = Math.min(Math.max((1 - Math.abs(place)) / 0.1, 0), 1);
-  return at * at * (3 - 2 * at);
-}
+/** Returns the source of a chosen light as JSON; "": the page has it. @param {EnvironmentRequest} chosen */
+export const keyOf = ({ preset, sky, image }) => (preset || sky || image ? JSON.stringify([preset, sky, image]) : "");
 
-/** Returns the radiance of a preset; null for skies and unknown presets. @param {string} name @returns {Environment | null} */
-export function presetLight(name) {
-  const behind = BEHIND[name];
-  if (!behind) return null;
-  const radians = (/** @type {number} */ degrees) => (degrees * Math.PI) / 180;
-  const lamps = (LAMPS[name] ?? []).map(([around, above, wide, high, radiance]) => {
-    const [a, e] = [radians(around), radians(above)];
-    return {
-      right: [Math.cos(a), 0, -Math.sin(a)],
-      over: [-Math.sin(e) * Math.sin(a), Math.cos(e), -Math.sin(e) * Math.cos(a)],
-      towards: [Math.cos(e) * Math.sin(a), Math.sin(e), Math.cos(e) * Math.cos(a)],
-      ...{ wide: Math.tan(radians(wide)), high: Math.tan(radians(high)), radiance },
-    };
-  });
-  const ways = directionsOf(HEIGHT);
-  const texels = new Float32Array(6 * HEIGHT * HEIGHT);
-  for (let i = 0; i < 2 * HEIGHT * HEIGHT; i++) {
-    const way = [ways[4 * i] ?? 0, ways[4 * i + 1] ?? 0, ways[4 * i + 2] ?? 0];
-    const along = (/** @type {number[]} */ axis) => axis.reduce((sum, value, k) => sum + value * (way[k] ?? 0), 0);
-    let value = behind(way[1] ?? 0);
-    for (const { right, over, towards, wide, high, radiance } of lamps) {
-      const depth = along(towards);
-      if (depth <= 0) continue;
-      const [u, v] = [along(right) / depth / wide, along(over) / depth / high];
-      const box = softEdge(u) * softEdge(v) * (1 - 0.35 * Math.min(u * u + v * v, 1));
-      value = value * (1 - box) + radiance * box;
-    }
-    texels.fill(value, 3 * i, 3 * i + 3);
-  }
-  return { width: 2 * HEIGHT, height: HEIGHT, texels };
+/** Whether a mesh has a sun of its own, which goes with its environment. @param {MeshPacket} mesh */
+const hasSun = (mesh) => mesh.environment !== null && mesh.lamps.some(({ far }) => far);
+
+/** Keeps a light for a mesh. @param {MeshPacket} mesh @param {EnvironmentRequest} chosen @param {SentLight} light */
+export function keepLight(mesh, chosen, { width, height, words, lamps }) {
+  if (hasSun(mesh)) return; // which of its lamps remain is not known
+  const bytes = Uint8Array.from(atob(words), (each) => each.charCodeAt(0));
+  const view = new DataView(bytes.buffer);
+  const texels = new Float32Array(3 * width * height);
+  for (let i = 0; i < width * height; i++) texels.set(decode(view.getUint32(4 * i, true)), 3 * i);
+  const known = sent.get(mesh) ?? new Map();
+  known.set(keyOf(chosen), { environment: height ? { width, height, texels } : null, lamps: lamps.filter((lamp) => lamp.far && !isOf(mesh, lamp)) });
+  sent.set(mesh, known);
 }
 
 /**
- * Returns whether the page can compute the light that a request chooses: not that of skies, images and unknown presets, nor one that
- * replaces the sky of a file with a sun.
+ * Returns whether the page can compute the light that a request chooses: not before the service has sent that of a preset, a sky or an
+ * image, nor a colour that replaces the sky of a file with a sun.
  *
  * @param {MeshPacket} mesh
  * @param {EnvironmentRequest} chosen
  */
-export function isComputable(mesh, { color, preset, sky, image }) {
-  const hasSun = mesh.environment !== null && mesh.lamps.some(({ far }) => far);
-  return !(sky || image || ((color || preset) && hasSun)) && Boolean(color || !preset || BEHIND[preset]);
+export function isComputable(mesh, chosen) {
+  const key = keyOf(chosen);
+  return key ? Boolean(sent.get(mesh)?.has(key)) : !(chosen.color && hasSun(mesh));
 }
 
 /**
- * Returns the environment light that a request chooses. undefined: the page cannot compute it; null: black.
+ * Returns the light that a request chooses; undefined: the page cannot compute it.
  *
  * @param {MeshPacket} mesh
  * @param {EnvironmentRequest} chosen
- * @returns {Environment | null | undefined}
+ * @returns {MeshLight | undefined}
  */
 export function chosenLight(mesh, chosen) {
   if (!isComputable(mesh, chosen)) return undefined;
-  const { color, preset, strength = 1, rotation = 0 } = chosen;
+  const { color, strength = 1, rotation = 0 } = chosen;
   const own = () => (mesh.environment ? unpacked(mesh.environment) : mesh.isStudio ? studio() : null);
-  const light = color ? { width: 1, height: 1, texels: Float32Array.from(color) } : preset ? presetLight(preset) : own();
-  if (!light) return null;
-  const { width, height, texels } = light;
-  const turn = Math.round((rotation / 360) * width); // counter-clockwise seen from above: to the left
-  const turned = texels.map((_, i) => {
+  const found = sent.get(mesh)?.get(keyOf(chosen)) ?? { environment: color ? { width: 1, height: 1, texels: Float32Array.from(color) } : own(), lamps: [] };
+  return { environment: found.environment && turned(found.environment, rotation, strength), lamps: [...mesh.lamps, ...found.lamps.map((lamp) => moved(lamp, rotation, strength))] };
+}
+
+/** Returns whether a lamp is the mesh's own, not the sun of a chosen sky. @param {MeshPacket} mesh @param {Lamp} lamp */
+const isOf = (mesh, lamp) => mesh.lamps.some((each) => JSON.stringify(each) === JSON.stringify(lamp));
+
+/** Returns an environment rotated counter-clockwise as seen from above, to the left. @param {Environment} environment @param {number} rotation degrees @param {number} strength @returns {Environment} */
+function turned({ width, height, texels }, rotation, strength) {
+  const turn = Math.round((rotation / 360) * width);
+  const found = texels.map((_, i) => {
     const [row, column] = [Math.floor(i / 3 / width), Math.floor(i / 3) % width];
     return strength * (texels[3 * (row * width + ((((column + turn) % width) + width) % width)) + (i % 3)] ?? 0);
   });
-  return { width, height, texels: turned };
+  return { width, height, texels: found };
+}
+
+/** Returns a sun rotated and scaled likewise. @param {Lamp} lamp @param {number} rotation degrees @param {number} strength @returns {Lamp} */
+function moved(lamp, rotation, strength) {
+  const turn = (rotation * Math.PI) / 180;
+  const [x, y, z] = lamp.at;
+  const [cosine, sine] = [Math.cos(turn), Math.sin(turn)];
+  const [r, g, b] = lamp.color;
+  return { ...lamp, at: [x * cosine + z * sine, y, z * cosine - x * sine], color: [strength * r, strength * g, strength * b] };
 }

@@ -29,6 +29,9 @@ export function clarity(samples, noise, isDone, isDenoised) {
 /** Returns the words for a stand-in of the view's picture. @param {boolean} isDone @param {boolean} isOtherLight whether the stand-in has another light */
 export const previewWords = (isDone, isOtherLight) => (isOtherLight ? t("New light: rendering …") : isDone ? t("Preview") : t("Preview, rendering …"));
 
+/** The words for a small picture of the first samples. */
+export const roughWords = t("Rough picture, rendering …");
+
 /** Returns how far the view is; "" while that is unknown. @param {number} mean samples a pixel so far @param {number | null} noise after these */
 export function progressWords(mean, noise) {
   const [n, all] = [Math.round(mean), samplesFor(mean, noise)];

@@ -8,12 +8,16 @@ import { h } from "../base/dom.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
 import { meshOf } from "./preview-mesh.js";
-import { POSTER_SPP, SHARP_SPP, replaces, staysSharp } from "./replacement.js";
+import { Projection, canKeep } from "./projection.js";
+import { POSTER_SPP, SHARP_SPP, replaces } from "./replacement.js";
+import { RequestedScene, isSameUnlit } from "./requested-scene.js";
+import { keyOf } from "./chosen-light.js";
+import { SentLights } from "./sent-light.js";
 import { meshPicture } from "./view-pictures.js";
 
 /** @typedef {import("../base/types.js").View} View */
 
-/** The camera of a request, and the rest of it as JSON, as `sceneOf` returns it. @typedef {{view: View, scene: string}} Requested */
+/** @typedef {import("./requested-scene.js").Requested} Requested */
 
 /**
  * A picture to show until the view's first picture arrives. One that is finished, or of a view of which denoised pictures come, stays
@@ -32,29 +36,6 @@ const HELD_BACK = "held-back";
 
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
 const COVERED_MS = 700;
-/** Time, in milliseconds, for which the camera rests before the sharp mesh replaces a picture that is projected onto it; and in which it does. */
-const [REST_MS, FADE_MS] = [150, 150];
-/** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
-const POOR = 0.6;
-
-/** @param {View} view */
-export const projectionOf = ({ projection }) => projection ?? "perspective";
-
-/** @param {View} a @param {View} b */
-const isEqual = (a, b) => JSON.stringify(a) === JSON.stringify(b);
-
-/** Returns what a request shows, and in which light, as JSON: all of it but the camera and the size. @param {Record<string, any>} request */
-export function sceneOf(request) {
-  const { view: _, camera: __, width: ___, height: ____, ...others } = request; // the order of keys changes as the camera turns
-  return JSON.stringify(others);
-}
-
-/** Returns what is shown without its light. @param {string} scene as sceneOf returns it */
-const unlit = (scene) => JSON.stringify({ ...JSON.parse(scene || "{}"), environment: undefined });
-
-/** Returns whether a picture of one camera can be shown for another. @param {View} from @param {View} to */
-const canKeep = (from, to) => isEqual(from, to) || (projectionOf(from) === projectionOf(to) && from.projection !== "panorama");
-
 export class Cover {
   /**
    * @param {import("../base/types.js").Scene} scene
@@ -73,7 +54,6 @@ export class Cover {
     this.meanwhile = meanwhile;
     this.surface = surface;
     this.canvas = canvas;
-    this.picture = picture;
     this.mesh = mesh;
     this.view = view;
     this.laid = laid;
@@ -87,18 +67,11 @@ export class Cover {
     this.isThumbnailBlack = false;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.uncovering = undefined;
-    /** The first request: its camera and size, what it shows as `sceneOf` returns it, and the same without its light. @type {{place: string, scene: string, unlit: string} | null} */
-    this.first = null;
-    /** What the latest request shows. */
-    this.latest = "";
-    /** What the kept picture shows. */
-    this.keptScene = "";
-    /** Light of the latest request. @type {import("../base/types.js").EnvironmentRequest} */
-    this.light = {};
+    this.requested = new RequestedScene();
+    this.projection = new Projection({ surface, canvas, picture, mesh, view });
+    this.lights = new SentLights(scene.id, () => this.relight());
     /** Whether the mesh shows the scene and the light of the latest request. */
     this.isMeshTrue = true;
-    /** Runs while the camera has not rested for long. @type {ReturnType<typeof setTimeout> | undefined} */
-    this.resting = undefined;
     /** The clear picture that is shown first, and its camera. @type {{image: HTMLImageElement, view: View} | null} */
     this.below = null;
     /** When the view had a sample per pixel; 0: not yet. */
@@ -154,17 +127,22 @@ export class Cover {
     return !this.mesh.canvas.hidden;
   }
 
+  /** Whether the mesh is shown as the latest request wants it, without a picture that is projected onto it. */
+  get isMeshAlone() {
+    return this.isMeshShown && this.isMeshTrue && !this.hasKept && this.mesh.mesh !== null && !this.isOutdated;
+  }
+
   /** Whether what is shown has a black background, and nothing but what the mesh has is seen: the mesh itself, or a black thumbnail of the scene. */
   get isBlackBehind() {
     const { mesh } = this.mesh;
     if (this.isThumbnailBlack && this.isInstead && !this.isMeshShown) return true;
-    const { color, preset } = this.light;
-    return this.isMeshShown && this.isMeshTrue && !this.hasKept && mesh !== null && !mesh.environment && !mesh.isStudio && !color && !preset;
+    const { light } = this.requested;
+    return this.isMeshShown && this.isMeshTrue && !this.hasKept && mesh !== null && !mesh.environment && !mesh.isStudio && !light.color && !keyOf(light);
   }
 
   /** Whether a picture is projected onto the mesh. */
   get hasKept() {
-    return this.mesh.kept !== null;
+    return this.projection.isOn;
   }
 
   /** Shows the preview mesh until samples arrive, at once if the scene was drawn while it was prepared. */
@@ -178,6 +156,7 @@ export class Cover {
       const isOver = () => (this.isSampled && !this.isHeld) || this.isDisposed;
       if (isOver() || mesh.mesh === packet) return;
       mesh.setMesh(packet);
+      this.lights.want(packet, this.requested.request);
       await mesh.ready; // what is under it stays meanwhile
       if (isOver()) return;
       this.layMesh();
@@ -193,87 +172,73 @@ export class Cover {
     mesh.setView(this.view());
     mesh.canvas.hidden = false;
     this.isMeshTrue = this.lightMesh();
-    const isBelowTrue = this.latest === this.first?.scene;
-    if (isBelow && mesh.mesh && (isBelowTrue || !this.isMeshTrue)) {
-      mesh.keep(below.image, below.view);
-      this.keptScene = this.first?.scene ?? "";
-    }
+    const { first, isChanged } = this.requested;
+    if (isBelow && mesh.mesh && !(isChanged && this.isMeshTrue)) this.projection.keepImage(below.image, below.view, first);
     this.surface.style.backgroundImage = "";
     this.canvas.classList.add(HELD_BACK); // the first samples are coarser than the mesh
   }
 
   /** Lights the mesh as the latest request chooses. Returns whether it then shows the scene and the light of that request. */
   lightMesh() {
-    const isLit = this.mesh.relight(this.light);
-    return !this.first || this.latest === this.first.scene || (isLit && unlit(this.latest) === this.first.unlit);
+    const isLit = this.mesh.relight(this.requested.light);
+    const { first, latest, isChanged } = this.requested;
+    return !isChanged || (isLit && isSameUnlit(latest, first));
   }
 
   /** Turns the mesh to the present camera. */
   follow() {
     if (!this.isCovered) return;
     this.mesh.setView(this.view());
-    clearTimeout(this.resting);
-    if (!this.hasKept) return;
-    if (this.mesh.distance >= POOR) this.rest();
-    else this.resting = setTimeout(() => this.rest(), REST_MS);
+    this.projection.follow(() => this.rest());
   }
 
   /** Shows the sharp mesh in place of a picture that is stretched over it, or smaller than the view. */
   rest() {
-    const { mesh, canvas } = this;
-    const { distance, kept } = mesh;
-    if (!kept || !this.isHeld || !this.isMeshTrue) return;
-    if (this.isOutdated || !staysSharp(distance, kept.width / canvas.clientWidth)) this.unkeep();
-  }
-
-  /** Fades the projected picture out, and shows the mesh itself. */
-  unkeep() {
-    const { mesh, surface } = this;
-    mesh.draw(); // WebGL keeps its picture only until the next frame
-    const still = h("canvas", { class: "fading", width: mesh.canvas.width, height: mesh.canvas.height, ariaHidden: "true" });
-    still.getContext("2d")?.drawImage(mesh.canvas, 0, 0);
-    surface.append(still);
-    mesh.release();
-    mesh.draw();
-    still.animate({ opacity: [1, 0] }, { duration: FADE_MS, fill: "forwards" });
-    setTimeout(() => still.remove(), FADE_MS);
+    if (!this.hasKept || !this.isHeld || !this.isMeshTrue) return;
+    if (this.isOutdated || !this.projection.isSharp) this.projection.fade();
   }
 
   /** What is shown, as `sceneOf` returns it of a request. */
   get shownScene() {
-    if (this.hasKept) return this.keptScene;
-    return this.isMeshShown && this.isMeshTrue ? this.latest : (this.first?.scene ?? "");
+    const { first, latest } = this.requested;
+    if (this.hasKept) return this.projection.scene;
+    return this.isMeshShown && this.isMeshTrue ? latest : first;
   }
 
   /** Whether what is shown differs from the latest request in more than the camera. */
   get isOutdated() {
-    return this.shownScene !== this.latest;
+    return this.shownScene !== this.requested.latest;
   }
 
   /** Whether the light is the only such difference. */
   get isOtherLight() {
-    return this.isOutdated && unlit(this.shownScene) === unlit(this.latest);
-  }
-
-  /** Whether the latest request differs from the first one in more than the camera. */
-  get isChanged() {
-    return this.first !== null && this.latest !== this.first.scene;
+    return this.isOutdated && isSameUnlit(this.shownScene, this.requested.latest);
   }
 
   /** Takes a request: shows the canvas in place of a picture of another camera, and the mesh in a new light. @param {Record<string, any>} request */
   compare(request) {
-    const scene = sceneOf(request);
-    const place = JSON.stringify([request["view"], request["camera"], request["width"], request["height"]]);
-    this.first ??= { place, scene, unlit: unlit(scene) };
-    if (place !== this.first.place && !this.isMeshShown) this.release();
-    if (scene === this.latest) return;
-    const isFirst = !this.latest;
-    this.latest = scene;
-    this.light = request["environment"] ?? {};
+    const isFirst = !this.requested.latest;
+    const { isMoved, isOther } = this.requested.take(request);
+    if (isMoved && !this.isMeshShown) this.release();
+    if (!isOther) return;
+    this.lights.want(this.mesh.mesh, request);
     this.isMeshTrue = this.lightMesh();
-    if (isFirst || !this.isInstead || !this.isMeshTrue || !this.mesh.mesh) return;
-    if (this.hasKept) this.unkeep();
+    if (!isFirst) this.showLight();
+  }
+
+  /** Shows the mesh in the light of the latest request, if it has it, in place of what has another one. */
+  showLight() {
+    if (!this.isInstead || !this.isMeshTrue || !this.mesh.mesh) return;
+    if (this.hasKept) this.projection.fade();
     else if (!this.isMeshShown) this.layMesh();
+  }
+
+  /** Takes note that the light of the latest request has arrived. */
+  relight() {
+    if (this.isDisposed || this.isMeshTrue) return;
+    this.isMeshTrue = this.lightMesh();
+    this.showLight();
+    this.laid();
   }
 
   /** Takes note that a picture or draft has arrived. @returns {boolean} whether it is the first one */
@@ -294,7 +259,11 @@ export class Cover {
   loadMesh() {
     const { scene, mesh } = this;
     if (mesh.mesh || !scene.preview || this.isDisposed) return;
-    meshOf(scene.id).then((packet) => this.isDisposed || mesh.mesh || mesh.setMesh(packet), () => {});
+    meshOf(scene.id).then((packet) => {
+      if (this.isDisposed || mesh.mesh) return;
+      mesh.setMesh(packet);
+      this.lights.want(packet, this.requested.request);
+    }, () => {});
   }
 
   /** Shows the canvas, and soon removes what is under it. */
@@ -331,29 +300,10 @@ export class Cover {
     this.isCovered = true;
     mesh.canvas.hidden = false;
     mesh.setView(this.view());
-    this.keep(shown);
+    this.projection.keep(shown);
     this.canvas.classList.add(HELD_BACK);
     this.isMeshTrue = this.lightMesh(); // it may have been loaded since the request
-    if (this.isOutdated && this.isMeshTrue) this.unkeep();
-  }
-
-  /** Projects the canvas's picture for the present camera until another is clear. @param {Requested} shown its request */
-  keep({ view, scene }) {
-    this.picture.draw(); // WebGL keeps its picture only until the next frame
-    this.mesh.keep(this.canvas, view);
-    this.keptScene = scene;
-  }
-
-  /**
-   * Projects a denoised picture of an earlier request in place of the kept one, where it is better: in another light of the same camera,
-   * or if the kept one shows little of the view.
-   *
-   * @param {Requested | undefined} shown the request of the picture
-   */
-  keepNewer(shown) {
-    const { mesh } = this;
-    if (!shown || !this.hasKept || !this.isMeshShown || !this.isHeld || !canKeep(shown.view, this.view())) return;
-    if (mesh.distance === 0 ? isEqual(shown.view, this.view()) : mesh.distance >= POOR) this.keep(shown);
+    if (this.isOutdated && this.isMeshTrue) this.projection.fade();
   }
 
   /** What is shown in place of the canvas. @returns {import("./replacement.js").Shown} */
@@ -372,9 +322,9 @@ export class Cover {
   judge(picture, shown) {
     this.sampledAt = picture.mean < 1 || !picture.isLatest ? 0 : this.sampledAt || performance.now(); // another view begins anew
     const waited = this.sampledAt && performance.now() - this.sampledAt;
-    const { isOutdated, hasKept, mesh } = this;
-    if (replaces({ ...picture, shown: this.shown, isOutdated, isPoor: hasKept && mesh.distance === 1, waited })) this.release();
-    else if (picture.isDenoised) this.keepNewer(shown);
+    const { isOutdated, projection } = this;
+    if (replaces({ ...picture, shown: this.shown, isOutdated, isPoor: projection.isPoor, waited })) this.release();
+    else if (picture.isDenoised && shown && this.hasKept && this.isMeshShown && this.isHeld) projection.keepNewer(shown);
   }
 
   /** Returns the URL of what is shown in place of the canvas; "" if nothing is. */
@@ -393,7 +343,8 @@ export class Cover {
 
   dispose() {
     this.isDisposed = true;
-    for (const each of [this.uncovering, this.resting]) clearTimeout(each);
+    for (const each of [this.uncovering, this.projection.resting]) clearTimeout(each);
+    this.lights.dispose();
     this.mesh.dispose();
   }
 }

@@ -10,9 +10,13 @@ import { autoExposure, darkness } from "../film/darkness.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 
 /** @typedef {import("../film/darkness.js").Brightness} Brightness */
+/** @typedef {"first" | "light" | "preview" | "done" | "user"} Chooser */
 
 /** Stops at the ends of the exposure's slider, unless it is set beyond, and at most. */
 const [USUAL_STOPS, MOST_STOPS] = [6, 16];
+
+/** Stops by which the preview mesh may be exposed otherwise than its picture would be: a jump is worse. */
+const APART = 0.5;
 
 /** @param {() => import("../film/film.js").Film} film the one that is shown */
 export function exposureHand(film) {
@@ -31,8 +35,15 @@ export function exposureHand(film) {
   showExposure(slider, 0);
   const look = new Store({ exposure: 0, curve: DEFAULT_CURVE });
   const relook = () => look.set({ exposure: slider.valueAsNumber, curve: curve.value });
-  /** What chooses the exposure next: the first picture if it looks black, the next settled picture of a new light, nothing more, or the user. @type {"first" | "light" | "done" | "user"} */
+  /**
+   * What chooses the exposure next: the first picture if it looks black; the preview or the next settled picture of a new light; that
+   * picture, if the preview's exposure is far from its own; nothing more; or the user.
+   *
+   * @type {Chooser}
+   */
   let chosenBy = "first";
+  /** What was chosen for lights that are not shown now, and what would choose next. @type {Map<string, [number, Chooser]>} */
+  const before = new Map();
   /** Whether the light is another than the first one. */
   let isRelit = false;
   /** The light that the exposure is for, without its strength: that is the user's own way to make it brighter. */
@@ -84,9 +95,21 @@ export function exposureHand(film) {
       setAuto(isChosen);
     },
 
-    /** Whether the next picture of a new light sets the exposure. */
-    get awaitsLight() {
+    /** Whether the preview of a new light sets the exposure. */
+    get awaitsPreview() {
       return chosenBy === "light";
+    },
+
+    /** Whether the next picture of a new light may set the exposure. */
+    get awaitsLight() {
+      return chosenBy === "light" || chosenBy === "preview";
+    },
+
+    /** Chooses the exposure for the preview of a new light. @param {Brightness} brightness */
+    adaptPreview(brightness) {
+      chosenBy = "preview";
+      set(autoExposure(brightness));
+      setAuto(true);
     },
 
     /**
@@ -98,10 +121,13 @@ export function exposureHand(film) {
      */
     adapt(brightness, isLatest, isSettled) {
       const isBlack = darkness(brightness) !== null;
-      const isLightShown = chosenBy === "light" && isLatest && isSettled;
+      const isLightShown = (chosenBy === "light" || chosenBy === "preview") && isLatest && isSettled;
       if (!isLightShown && !(chosenBy === "first" && isBlack)) return;
+      const exposure = autoExposure(brightness);
+      const isKept = chosenBy === "preview" && Math.abs(exposure - slider.valueAsNumber) <= APART;
       chosenBy = "done";
-      set(autoExposure(brightness));
+      if (isKept) return;
+      set(exposure);
       setAuto(true);
     },
 
@@ -110,7 +136,13 @@ export function exposureHand(film) {
       const { strength: _, rotation: __, ...own } = environment ?? {};
       const text = JSON.stringify(own);
       const isOther = light !== "" && text !== light;
-      if (isOther && chosenBy !== "user") chosenBy = "light";
+      if (isOther && chosenBy !== "user") {
+        before.set(light, [slider.valueAsNumber, chosenBy]);
+        const known = before.get(text);
+        chosenBy = known?.[1] ?? "light";
+        if (known) set(known[0]);
+        setAuto(chosenBy !== "first");
+      }
       light = text;
       isRelit ||= isOther;
       return isOther;

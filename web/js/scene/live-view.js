@@ -11,33 +11,36 @@ import { Film } from "../film/film.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { addPart } from "../shell/layouts.js";
-import { PREPARING, clarity, clarityField, previewWords, progressWords } from "./clarity.js";
+import { PREPARING, clarity, clarityField, previewWords, progressWords, roughWords } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
-import { Cover, projectionOf, sceneOf } from "./cover.js";
+import { Cover } from "./cover.js";
 import { darknessNotice } from "./darkness-notice.js";
 import { denoiseView } from "./denoise-view.js";
 import { exposureHand } from "./exposure-hand.js";
 import { frameHand } from "./frame-hand.js";
 import { startOfTake } from "./form-start.js";
+import { meshBrightness } from "./mesh-brightness.js";
 import { takeMesh } from "./mesh-relay.js";
 import { mayBeInView } from "./in-view.js";
 import { people } from "./people.js";
 import { invisibleWords } from "./scene-notices.js";
 import { LIVE } from "./sides.js";
 import { takes } from "./takes.js";
+import { projectionOf } from "./projection.js";
+import { sceneOf } from "./requested-scene.js";
 import { CLEAR_SPP, SHARP_SPP } from "./replacement.js";
 import { ViewFilm } from "./view-film.js";
 import { viewHands } from "./view-hands.js";
 import { ViewLink } from "./view-link.js";
 import { viewMore } from "./view-more.js";
 import { pictureData, pictureUrl } from "./view-pictures.js";
-import { sizeFor, viewRequest } from "./view-request.js";
+import { shapeView, sizeFor, viewRequest } from "./view-request.js";
 import { viewStage } from "./view-stage.js";
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").Job} Job */
-/** @typedef {import("./cover.js").Requested} Requested */
+/** @typedef {import("./requested-scene.js").Requested} Requested */
 
 /** Maximum number of pixels rendered, whatever the screen's size; and where graphics cards make drafts. */
 const [MOST_PIXELS, MOST_PIXELS_OF_CARDS] = [1 << 20, 1 << 21];
@@ -153,7 +156,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const cover = new Cover(
     scene,
     known ? { url: known, nearest: "", isFinished: true, isSame: true, isClear: true, steps: meanwhile.steps } : { ...meanwhile, isSame: meanwhile.isSame && isDenoised },
-    { surface, canvas, picture, mesh, view: form.view, laid: () => foresee(), willBeDenoised: () => denoise.isOn() && form.request().background !== "transparent" }, // the denoiser makes no alpha
+    { surface, canvas, picture, mesh, view: form.view, laid: () => (foresee(), exposePreview()), willBeDenoised: () => denoise.isOn() && form.request().background !== "transparent" }, // the denoiser makes no alpha
   );
   const hand = exposureHand(() => film.film);
   const aspect = () => (request().width ?? 1) / (request().height ?? 1);
@@ -172,7 +175,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     isPicking: () => hands.isPicking(),
     mayShow() {
       const box = bounds();
-      return !box || cover.isChanged || mayBeInView(form.view(), aspect(), ...box);
+      return !box || cover.requested.isChanged || mayBeInView(form.view(), aspect(), ...box);
     },
     invisible: () => invisibleWords(scene, bounds() !== null),
     brighten: hand.exposeAuto,
@@ -182,6 +185,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
   const foresee = () => {
     if (cover.isBlackBehind) dark.foresee();
+  };
+
+  /** Exposes a new light as soon as the mesh shows it. */
+  const exposePreview = () => {
+    if (!hand.awaitsPreview || !cover.isMeshAlone) return;
+    const brightness = meshBrightness(mesh);
+    if (brightness) hand.adaptPreview(brightness);
   };
 
   /** The latest requests, by their ids. @type {Map<number, Requested>} */
@@ -196,7 +206,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let mostPixels = MOST_PIXELS;
   /** Width of the view in CSS pixels. */
   let wide = 0;
-  /** Id of the view whose picture or draft the canvas shows, of the latest one with SHARP_SPP samples per pixel or done, and of the latest one that was clear. */
+  /** Id of the view whose picture or draft the canvas shows, of the latest one with SHARP_SPP samples per pixel, denoised or done, and of the latest one that was clear. */
   let [shownId, settledId, clearId] = /** @type {(number | null)[]} */ ([null, null, null]);
   let lookedAt = -Infinity;
   /** Samples per pixel of the denoised picture in the canvas; 0: it has noise. */
@@ -263,8 +273,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const denoised = found.denoised && shownId === id && pictureId() === id; // a draft of a later view may have replaced the picture
       const isLatest = id === link.id && !link.pending;
       surface.dataset.samples = String(samples);
-      if (done || mean >= SHARP_SPP) settledId = id;
-      if (done && hand.awaitsLight) lookForDarkness(pictureId()); // no further picture comes
+      if (done || denoised || mean >= SHARP_SPP) settledId = id;
+      if ((done || denoised) && hand.awaitsLight) lookForDarkness(pictureId()); // before it is shown, or if no further picture comes
       const spp = denoised ? (found.denoised_samples ?? mean) : mean;
       const denoises = cover.willBeDenoised() && (found.denoises || !mean); // unknown until the view has samples
       cover.judge({ mean, spp, isLast: done && spp >= mean, isDenoised: denoised, isLatest, denoises, share: film.film.width / size.width }, requests.get(id ?? 0));
@@ -276,10 +286,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       meanwhile.steps.follow(mean, CLEAR_SPP, saidOf(found, "message"), cover.willBeDenoised());
       if (message) say(saidOf(found, "message"));
       else if (bound && (isLatest || cover.isInstead)) {
-        const isPreview = cover.isInstead || (denoised && !spp); // a small picture
+        const isRough = !cover.isInstead && denoised && !spp; // a small picture
         if (counted.id !== id) counted = { id, n: 0 };
-        if (!isPreview) counted.n = Math.max(counted.n, spp); // a denoised picture may have fewer than the noise had before it
-        say(isPreview ? previewWords(done, cover.isInstead && cover.isOtherLight) : clarity(counted.n, noise, done, denoised), done);
+        if (!cover.isInstead) counted.n = Math.max(counted.n, spp); // a denoised picture may have fewer than the noise had before it
+        say(cover.isInstead ? previewWords(done, cover.isOtherLight) : isRough ? roughWords : clarity(counted.n, noise, done, denoised), done);
       }
       state.title = done ? "" : [progressWords(mean, noise), tn(slots, "{n} slot", "{n} slots")].filter(Boolean).join(", ");
     },
@@ -297,7 +307,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const now = request();
     hand.noticeLight(now["environment"]);
     cover.compare(now);
-    frame.style.setProperty("--aspect", String((now.width ?? 1) / (now.height ?? 1)));
+    shapeView(frame, (now.width ?? 1) / (now.height ?? 1));
     const { width, height } = sizeFor(now.width ?? 1, now.height ?? 1, wide, mostPixels);
     const wanted = { ...now, ...clear.request(), ...denoise.request(), width, height, alpha: true };
     const [text, sent] = [JSON.stringify(now), JSON.stringify(wanted)];
@@ -316,6 +326,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     cover.follow();
     if (isSeen && cover.isInstead) say(previewWords(false, cover.isOtherLight), false); // the counts were of the view before
     foresee();
+    exposePreview();
     framing.update();
     others.changed();
     saved.changed();

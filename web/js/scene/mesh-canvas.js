@@ -5,7 +5,7 @@ import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { KeptPicture, fromMiddle } from "./kept-picture.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
 import { chosenLight, isComputable } from "./chosen-light.js";
-import { lampsOf } from "./mesh-lamps.js";
+import { lampsOf, sunsOn } from "./mesh-lamps.js";
 import { isMirror, mirrorCube, viewpoints } from "./mesh-mirror.js";
 import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
@@ -22,6 +22,8 @@ import { aroundTexture, fillTexel, fillTexture, standInOf, tablesOf, texelTextur
 /** @typedef {{part: MeshPart, material: MeshMaterial, showsScene: boolean, middle: Vec3, size: number, isDense: boolean, isBall: boolean}} DrawnPart */
 
 const MAX_RATIO = 2;
+/** Share of the resolution along a side with which the first frame and those of a moving camera are drawn without a graphics card; time, in milliseconds, from the last of them to one of full resolution. */
+const [COARSE_RATIO, SETTLED_MS] = [0.5, 150];
 /** Time, in milliseconds, that a mesh waits for its textures: what was drawn before stays meanwhile. */
 const HELD_MS = 400;
 /** Texture units of the mesh: the projected picture has 1 to 4 (kept-picture.js), shadows 10 to 15; a program has one of them at most. */
@@ -64,6 +66,10 @@ export class MeshCanvas {
     /** The next frame in which shadows are computed. */
     this.refining = 0;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
+    /** Whether frames take a tenth of a second and more. */
+    this.isSlow = this.gl !== null && isSoftware(this.gl);
+    /** Ends the coarse frames. @type {ReturnType<typeof setTimeout> | undefined} */
+    this.settling = undefined;
     /** @type {Programs | null} */
     this.programs = this.gl && new Programs(this.gl);
     this.shadows = this.gl && this.programs && new MeshShadows(this.gl, this.programs);
@@ -204,7 +210,18 @@ export class MeshCanvas {
   /** @param {View} view */
   setView(view) {
     this.view = view;
+    this.drawCoarsely();
     this.invalidate();
+  }
+
+  /** Draws coarsely until nothing has changed for SETTLED_MS, where drawing is slow. */
+  drawCoarsely() {
+    if (!this.isSlow) return;
+    clearTimeout(this.settling);
+    this.settling = setTimeout(() => {
+      this.settling = undefined;
+      this.invalidate();
+    }, SETTLED_MS);
   }
 
   /** @param {{exposure: number, curve: string}} look exposure: in stops */
@@ -248,7 +265,9 @@ export class MeshCanvas {
   draw() {
     const { gl, canvas, mesh, view } = this;
     if (!gl || gl.isContextLost() || !mesh || !view || !canvas.clientWidth) return;
-    const ratio = Math.min(devicePixelRatio, MAX_RATIO);
+    if (!canvas.dataset.drawn) this.drawCoarsely();
+    const isCoarse = this.settling !== undefined;
+    const ratio = Math.min(devicePixelRatio, MAX_RATIO) * (isCoarse ? COARSE_RATIO : 1);
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     const aspect = width / height;
@@ -271,7 +290,7 @@ export class MeshCanvas {
 
   /** Whether the shadows become better while the camera rests. */
   get isRefining() {
-    return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && this.held === undefined && !this.shadows.isDone);
+    return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && this.held === undefined && this.settling === undefined && !this.shadows.isDone);
   }
 
   /** Computes further shadows, and shows them once they are done. */
@@ -472,10 +491,10 @@ export class MeshCanvas {
     const gl = /** @type {WebGL2RenderingContext} */ (this.gl);
     const { hasFloor } = this;
     if (this.light?.hasFloor === hasFloor && this.light.above === this.above) return this.light;
-    const environment = chosenLight(mesh, this.chosen) ?? null;
+    const { environment, lamps: chosen } = chosenLight(mesh, this.chosen) ?? { environment: null, lamps: mesh.lamps };
     const isBlack = environment === null;
-    const { lamps, around } = lampsOf(mesh.lamps, isBlack);
-    const tables = tablesOf(mesh, JSON.stringify(this.chosen), () => environment, { up: this.above, hasFloor, around, isAlone: isBlack });
+    const { lamps, around } = lampsOf(chosen, isBlack);
+    const tables = tablesOf(mesh, JSON.stringify(this.chosen), () => environment, { up: this.above, hasFloor, suns: sunsOn(this.above, lamps), around, isAlone: isBlack });
     if (this.light) gl.deleteTexture(this.light.texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.around);
     this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, hasFloor, above: this.above, isBlack };
@@ -571,10 +590,17 @@ export class MeshCanvas {
     cancelAnimationFrame(this.pending);
     cancelAnimationFrame(this.refining);
     clearTimeout(this.held);
+    clearTimeout(this.settling);
     this.resizing.disconnect();
     this.release();
     this.gl?.getExtension("WEBGL_lose_context")?.loseContext();
   }
+}
+
+/** Returns whether a processor draws in place of a graphics card. `failIfMajorPerformanceCaveat` does not tell it in every browser. @param {WebGL2RenderingContext} gl */
+function isSoftware(gl) {
+  const known = gl.getExtension("WEBGL_debug_renderer_info");
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(gl.getParameter(known?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER));
 }
 
 /** @param {WebGL2RenderingContext} gl @param {number} unit @param {WebGLTexture | null} texture */

@@ -72,17 +72,17 @@ export function studio() {
 
 /**
  * What is around a scene besides its environment. up: in the scene. hasFloor: whether it stands on a floor, which hides what is below.
- * around: mean radiance that other surfaces and weak lamps add. isAlone: whether nothing else lights the scene; then most of it comes from
+ * suns: radiance of a white floor in the light of lamps that are far away. around: mean radiance that other surfaces and weak lamps add. isAlone: whether nothing else lights the scene; then most of it comes from
  * below, where there mostly is a ground, and little from above, where there is nothing.
  *
- * @typedef {{up: Vec3, hasFloor: boolean, around: Vec3, isAlone: boolean}} Surroundings
+ * @typedef {{up: Vec3, hasFloor: boolean, suns?: Vec3, around: Vec3, isAlone: boolean}} Surroundings
  */
 
 /** How much more comes from below, and less from above, of the light that surfaces reflect in a black world. */
 const GROUNDED = 0.9;
 
 /** @param {Environment | null} environment null: black @param {Surroundings} surroundings @returns {LightTables} */
-export function lightTables(environment, { up, hasFloor, around, isAlone }) {
+export function lightTables(environment, { up, hasFloor, suns = [0, 0, 0], around, isAlone }) {
   const whole = new Float32Array(6 * HEIGHT * HEIGHT);
   const { width, height, texels } = environment ?? { width: 1, height: 1, texels: new Float32Array(3) };
   const ways = directionsOf(HEIGHT);
@@ -93,7 +93,7 @@ export function lightTables(environment, { up, hasFloor, around, isAlone }) {
       const share = isAlone ? 1 - GROUNDED * alongOf(ways, texel, up) : 1;
       for (let k = 0; k < 3; k++) whole[3 * texel + k] = (texels[3 * at + k] ?? 0) + share * (around[k] ?? 0);
     }
-  const floor = hasFloor ? layFloor(whole, up) : null;
+  const floor = hasFloor ? layFloor(whole, up, suns) : null;
   let source = halved(whole, HEIGHT);
   const levels = [whole, source]; // a texel of the second is as wide as its lobe
   for (let level = 2; level <= LEVELS; level++) {
@@ -107,14 +107,15 @@ export function lightTables(environment, { up, hasFloor, around, isAlone }) {
 /** Irradiance of a horizontal surface in the studio, divided by pi. @type {number | undefined} */
 let usual;
 
-/** Replaces what is below the horizon by the studio's floor, whose albedo makes it as bright as the horizon in the studio. @param {Float32Array} texels @param {Vec3} above @returns {LightTables["floor"]} */
-function layFloor(texels, above) {
+/** Replaces what is below the horizon by the studio's floor, whose albedo makes it as bright as the horizon in the studio. @param {Float32Array} texels @param {Vec3} above @param {Vec3} suns @returns {LightTables["floor"]} without the suns, which the floor's shader adds */
+function layFloor(texels, above, suns) {
   const irradiance = upwardIrradiance(texels, above);
   usual ??= upwardIrradiance(studio().texels, [0, 1, 0])[0] ?? 1;
   const albedo = HORIZON / usual;
   const radiance = /** @type {Vec3} */ (irradiance.map((value) => value * albedo));
+  const sunny = radiance.map((value, i) => value + albedo * (suns[i] ?? 0));
   const ways = directionsOf(HEIGHT);
-  for (let i = 0; i < 2 * HEIGHT * HEIGHT; i++) if (alongOf(ways, i, above) < 0) texels.set(radiance, 3 * i);
+  for (let i = 0; i < 2 * HEIGHT * HEIGHT; i++) if (alongOf(ways, i, above) < 0) texels.set(sunny, 3 * i);
   return { radiance, albedo };
 }
 

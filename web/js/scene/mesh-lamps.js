@@ -27,5 +27,12 @@ export function lampsOf(lamps, isAlone) {
   return { lamps: sorted.slice(0, MOST_LAMPS), around: /** @type {Vec3} */ (between.map((value, i) => value + (others[i] ?? 0))) };
 }
 
+/** Returns the radiance of a white surface in the light of the lamps that are far away. @param {Vec3} normal @param {Lamp[]} lamps @returns {Vec3} */
+export const sunsOn = (normal, lamps) =>
+  lamps.filter(({ far }) => far).reduce((all, { at, color }) => {
+    const facing = Math.max(0, at.reduce((sum, value, i) => sum + value * (normal[i] ?? 0), 0)) / (Math.hypot(...at) || 1);
+    return /** @type {Vec3} */ (all.map((value, i) => value + facing * (color[i] ?? 0)));
+  }, /** @type {Vec3} */ ([0, 0, 0]));
+
 /** @param {Vec3} color @param {number} factor @returns {Vec3} */
 const scaled = (color, factor) => /** @type {Vec3} */ (color.map((value) => value * factor));

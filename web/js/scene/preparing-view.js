@@ -14,6 +14,7 @@ import { lookAt } from "./orbit.js";
 import { blenderNotice, waitsForBlender } from "./scene-notices.js";
 import { keepTurned, meshOf } from "./preview-mesh.js";
 import { viewHand } from "./view-hand.js";
+import { shapeView } from "./view-request.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
@@ -45,13 +46,13 @@ export function preparingView(scene, steps) {
     },
   );
   const frame = h("div", { class: "live-view-frame" }, surface);
-  frame.style.setProperty("--aspect", String(WIDTH / HEIGHT));
+  shapeView(frame, WIDTH / HEIGHT);
   const picture = examplePictures.get(scene.id);
   if (picture) {
     surface.style.backgroundImage = `url("${picture}")`;
     const image = h("img", { src: picture });
     // Its shape, which mostly is that of the scene's own pictures.
-    image.onload = () => isAsked || frame.style.setProperty("--aspect", String(image.naturalWidth / image.naturalHeight));
+    image.onload = () => isAsked || shapeView(frame, image.naturalWidth / image.naturalHeight);
   }
   /** @type {View | null} */
   let view = null;
@@ -127,7 +128,7 @@ export function preparingView(scene, steps) {
     if (!preview || !first || !low || !high || isAsked) return;
     isAsked = true;
     on.setScene(latest);
-    frame.style.setProperty("--aspect", String((defaults["width"] ?? WIDTH) / (defaults["height"] ?? HEIGHT)));
+    shapeView(frame, (defaults["width"] ?? WIDTH) / (defaults["height"] ?? HEIGHT));
     follow(first, /** @type {Vec3} */ (low), /** @type {Vec3} */ (high));
     meshOf(id).then(
       (packet) => {

@@ -8,13 +8,13 @@ import { cameraFields } from "../forms/camera-fields.js";
 import { isLightless } from "../base/light-words.js";
 import { fill, h, setText } from "../base/dom.js";
 import { jobs, scenes, workers } from "../news/farm.js";
-import { compact, noiseText, timeRange } from "../base/format.js";
+import { compact, noiseText } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { mayChange, readOnlyReason } from "../news/projects.js";
 import { openMore } from "../forms/environment-fields.js";
 import { qualityFields } from "../forms/quality-fields.js";
 import { queueFold } from "../forms/queue-fold.js";
-import { expected, steadyRanges, steadySpeeds } from "../forms/render-presets.js";
+import { expected, expectedText } from "../forms/expected-time.js";
 import { shotFields } from "../shot/shot-fields.js";
 import { settingFields } from "../forms/setting-fields.js";
 import { sizeFields } from "../forms/size-fields.js";
@@ -58,12 +58,10 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
   const program = byProgram(() => request());
   /** The latest state of the scene, whose measurements are updated by each picture. */
   const known = () => scenes.value?.find(({ id }) => id === scene.id) ?? scene;
-  const steady = steadySpeeds();
-  const ranges = steadyRanges();
   /** @param {number} spp */
   const expect = (spp) => {
     const { width, height } = parts.size.get();
-    return expected(known(), steady(workers.value ?? []), width * height * parts.shot.count(), spp);
+    return expected(known(), workers.value ?? [], width * height * parts.shot.count(), spp);
   };
   /** The fields that show other settings when a take is restored. @param {FormStart | null} start */
   const build = (start) => {
@@ -71,7 +69,7 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     const shot = shotFields(scene, start?.shot ?? null, () => update(), asShot && !start);
     const size = sizeFields({ ...defaults, ...first }, () => update());
     const camera = cameraFields(scene, (projection) => size.suit(projection), () => stand.bounds());
-    const others = settingFields(defaults, first, scene.light_groups ?? [], isLightless(scene));
+    const others = settingFields(defaults, first, scene.light_groups ?? [], isLightless(scene), scene.id);
     const variant = variantField(scene, start?.variant ?? null);
     const stand = standFields(scene, start, (moved) => camera.move(moved(camera.view())));
     if (start?.view) camera.turn(start.view);
@@ -89,7 +87,9 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     quality.update();
     const { size, shot } = parts;
     const expectation = expect(quality.get());
-    setText(estimate, costOf(size.get(), quality.get(), shot.count(), expectation, (seconds) => ranges(`${quality.get()}`, seconds)));
+    const { width, height } = size.get();
+    setText(estimate, costWords(expectation));
+    estimate.title = t("{n} samples", { n: compact(width * height * quality.get() * shot.count()) });
     denoise.hidden = !canDenoise(workers.value);
     if (!isDenoiseChosen) clean.checked = shot.count() === 1 && isViewDenoised(); // a still looks as the view does
     estimate.classList.toggle("long", (expectation.seconds ?? 0) > LONG_S);
@@ -183,26 +183,18 @@ function showFirstProblem(form) {
   wrong?.focus();
 }
 
-/**
- * @param {{width: number, height: number}} size
- * @param {number} spp
- * @param {number} frames
- * @param {{seconds: number | null, noise: number | null}} expectation
- * @param {(seconds: number) => [number, number]} range of a time
- * @returns {string} a sentence
- */
-function costOf({ width, height }, spp, frames, { seconds, noise }, range) {
-  const all = workers.value ?? []; // they may not be loaded yet
+/** Returns how long a picture is expected to take, and its noise, as a sentence. @param {{seconds: number | null, noise: number | null}} expectation */
+function costWords({ seconds, noise }) {
+  const all = workers.value;
+  if (!all) return ""; // not loaded yet
+  if (!all.length) return t("It waits for a worker.");
   const slots = tn(
     all.reduce((sum, worker) => sum + worker.slots, 0),
     "{n} slot",
     "{n} slots",
   );
-  const cost = t("{n} samples", { n: compact(width * height * spp * frames) });
-  if (!workers.value) return cost;
-  if (!all.length) return t("{cost}. They wait for a worker.", { cost });
-  if (seconds === null) return t("{cost} on {slots}. How long that takes is known once they have rendered something.", { cost, slots });
-  const estimate = t("{cost}, {time} on {slots}", { cost, time: timeRange(...range(seconds)), slots });
+  if (seconds === null) return t("How long it takes on {slots} is known once they have rendered something.", { slots });
+  const estimate = t("About {time} on {slots}", { time: expectedText(seconds), slots });
   const isBusy = jobs.value?.some(({ state }) => state === "running");
   return (isBusy ? t("{estimate}, now busy", { estimate }) : estimate) + (noise === null ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);
 }

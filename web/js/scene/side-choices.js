@@ -9,7 +9,7 @@ import { LIVE, clean } from "./sides.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
-/** @param {Job} job @returns {string} "64 spp, 960×540, Clear sky, sun at 35° elevation, 120°" */
+/** @param {Job} job @returns {string} "64 samples, 960×540, Clear sky, sun at 35° elevation, 120°" */
 export const wordsOf = (job) => [reached(job), `${job.width}×${job.height}`, lightWords(job.environment)].filter(Boolean).join(", ");
 
 /**

@@ -6,6 +6,11 @@ const LEAST_SIDE = 16;
 /** Request fields that do not apply to a view. */
 const JOB_ONLY_FIELDS = ["denoise", "fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
 
+/** Gives a view's frame the shape of its picture, by which css/workspace.css also places what is below it. @param {HTMLElement} frame @param {number} aspect width / height */
+export function shapeView(frame, aspect) {
+  for (const each of [frame, document.documentElement]) each.style.setProperty("--aspect", String(aspect));
+}
+
 /** Returns the fields of a form's request that a view reads. @param {Record<string, any>} request @returns {Record<string, any>} */
 export function viewRequest(request) {
   /** @type {Record<string, any>} */

@@ -46,7 +46,7 @@
     rayfarmAgain: {
       loadAgain,
       /** Records that the page was loaded successfully. */
-      stands: () => isFailed || tried(null),
+      viewShown: () => isFailed || tried(null),
     },
   });
 })();

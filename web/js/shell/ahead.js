@@ -70,11 +70,13 @@
   Object.assign(window, {
     rayfarmViews: {
       viewAt,
-      /** Called once the first view is shown. */
-      stands() {
-        void fetchSlowly(modules.uploads ?? []); // so that a dropped file is handled without delay
-        const isThrifty = /** @type {any} */ (navigator).connection?.saveData === true;
-        if (!isThrifty) setTimeout(() => void fetchSlowly(Object.values(modules).flat()), REST_AFTER_MS);
+      /** Called once the first view is shown. Returns whether the view of scenes is loaded too, since the user does not save data. */
+      async viewShown() {
+        await fetchSlowly(modules.uploads ?? []); // so that a dropped file is handled without delay
+        if (/** @type {any} */ (navigator).connection?.saveData === true) return false;
+        await Promise.all((modules.scene ?? []).filter((href) => !asked.has(href)).map((href) => ask(href, "low")));
+        setTimeout(() => void fetchSlowly(Object.values(modules).flat()), REST_AFTER_MS);
+        return true;
       },
     },
   });

@@ -5,11 +5,11 @@
 /** @type {Take | null} */
 let lightReceiver = null;
 
-/** A file for the next receiver. @type {File | null} */
+/** A file for the view of a scene. @type {{file: File, scene: string} | null} */
 let held = null;
 
-/** Passes a file to the view that is opened next. @param {File} file */
-export const holdLight = (file) => void (held = file);
+/** Passes a file to the next view of a scene. @param {File} file @param {string} scene its id */
+export const holdLight = (file, scene) => void (held = { file, scene });
 
 /** Images that are always an environment if dropped alone. */
 const LIGHTS = /\.(exr|hdr)$/i;
@@ -18,11 +18,11 @@ const IMAGES = /\.(exr|hdr|png|jpe?g|tiff?|webp)$/i;
 
 export const LIGHT_FILES = ".exr,.hdr,.png,.jpg,.jpeg,.tif,.tiff,.webp";
 
-/** @param {Take} take @returns {() => void} unregisters it */
-export function registerLightReceiver(take) {
+/** @param {Take} take @param {string} [scene] id of the scene that it lights @returns {() => void} unregisters it */
+export function registerLightReceiver(take, scene) {
   lightReceiver = take;
-  if (held) queueMicrotask(take.bind(null, held));
-  held = null;
+  if (held && held.scene === scene) queueMicrotask(take.bind(null, held.file));
+  held = null; // that of another scene, which the user has left, too
   return () => {
     if (lightReceiver === take) lightReceiver = null;
   };

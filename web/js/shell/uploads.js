@@ -300,7 +300,7 @@ function explainImages(files) {
   const lighting = [];
   if (isLight && scene) {
     const light = () => {
-      holdLight(file);
+      holdLight(file, scene.id);
       go("scenes", scene.id);
     };
     lighting.push({ label: t("Light “{scene}” with it", { scene: scene.name }), run: light });

@@ -131,7 +131,14 @@ function open(page, job, life) {
   const title = jobTitle();
   const note = notePanel();
   progress.element.append(note.element);
-  const explained = explainPanel(picture, life, moments);
+  let tabBefore = "view";
+  const explained = explainPanel(picture, life, moments, (isShown) => {
+    const now = tabs.current();
+    if (isShown && now !== "paths") tabBefore = now;
+    if (isShown) tabs.offer("paths", true);
+    if (isShown || now === "paths") tabs.show(isShown ? "paths" : tabBefore);
+    if (!isShown) tabs.offer("paths", false);
+  });
   const whose = whoRendered(() => latest, picture, life);
   const pins = pinsPanel(picture, display, life, (pin) => void explained.explain(pin), (pin) => (tabs.show("info"), log.ofTile(picture.live.frame, pin)));
   const focus = focusTool(job, picture, life);
@@ -139,7 +146,7 @@ function open(page, job, life) {
   const notes = notesPanel(() => latest, picture, life, { open: () => tabs.show("notes"), begin: () => tools.release(), goTo: (frame) => shot?.goTo(frame) });
   const histogram = histogramPanel(picture.live, display, life);
   picture.tools.append(tools.element);
-  const putAway = { keys: "Escape", does: t("Leave the tool; close the explanation"), run: () => (explained.close(), tools.release()) };
+  const putAway = { keys: "Escape", does: t("Leave the tool; close the paths"), run: () => (explained.close(), tools.release()) };
   const chip = stateChip(job.state);
   const judged = verdictChip();
   const line = progressBar(t("Progress"));
@@ -173,11 +180,13 @@ function open(page, job, life) {
   const tabs = sideTabs(t("Picture"), [
     // What grows while it renders comes last.
     { name: "view", label: t("View"), content: [look.element, moments?.element, histogram, whose.element, look.outlined] },
-    canMixLights(job) && { name: "lights", label: t("Lights"), content: [lightMixer(display, () => latest, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture))] },
+    { name: "lights", label: t("Lights"), isOffered: canMixLights(job), content: [lightMixer(display, () => latest, life, (groups) => renderAgain(latest, { light_groups: groups.join(",") }, picture))] },
     { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
     { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job, () => lookQuery(display.value))] },
     { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },
+    { name: "paths", label: t("Paths"), isOffered: false, content: [explained.element] },
   ]);
+  life.add(scenes.subscribe(() => tabs.offer("lights", canMixLights(job)))); // listed after the jobs
   life.add(addPart("tab", { get: tabs.current, set: tabs.show }));
   life.add(
     addPart("display", {
@@ -189,7 +198,7 @@ function open(page, job, life) {
     }),
   );
   const side = [
-    ...[progress.element, doubt.element, shot?.panel, explained.element, pins.element],
+    ...[progress.element, doubt.element, shot?.panel, pins.element],
     ...tabs.elements,
   ];
   const aside = h("aside", { class: "side", "aria-label": t("Picture") }, ...side);

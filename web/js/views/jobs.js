@@ -93,11 +93,18 @@ export function jobsView() {
     scene.value = chosen;
   };
 
+  // On a phone the choices are folded, since they would take three rows; those made are shown.
+  const fold = h("button", { class: "button fold", type: "button", "aria-expanded": "false", onclick: () => unfold(fold.getAttribute("aria-expanded") !== "true") }, t("Filters"));
+  const choices = h("div", { class: "list-choices" }, search, fold, scene, kind, sort);
+  const unfold = (/** @type {boolean} */ isOpen) => {
+    fold.setAttribute("aria-expanded", String(isOpen));
+    choices.classList.toggle("folded", !isOpen);
+  };
   const tools = h(
     "div",
     { class: "list-tools" },
     h("div", { class: "tabs", role: "group", "aria-label": t("Show") }, tabs.map(({ button }) => button)),
-    h("div", { class: "list-choices" }, search, scene, kind, sort),
+    choices,
   );
   const shownIds = () => (list.ids ?? []).filter((id) => !hidden.value.has(id));
   const refresh = () => {
@@ -106,7 +113,9 @@ export function jobsView() {
     selection.among(ids);
     for (const { states, tally } of tabs) {
       const of = Object.entries(list.tallies).filter(([state]) => !states.length || states.includes(/** @type {JobState} */ (state)));
-      setText(tally, list.ids ? count(of.reduce((sum, [, n]) => sum + n, 0)) : "");
+      const n = of.reduce((sum, [, each]) => sum + each, 0);
+      setText(tally, list.ids ? count(n) : "");
+      tally.classList.toggle("none", n === 0);
     }
     rows.element.hidden = ids.length === 0; // before layout, since hidden rows have no height
     rows.show(ids);
@@ -130,6 +139,7 @@ export function jobsView() {
   kind.addEventListener("change", () => turnTo({ shot: kind.value || null }));
   scene.addEventListener("change", () => turnTo({ scene: scene.value || null }));
 
+  unfold(["scene", "shot", "sort"].some((name) => here().params.has(name)));
   list.follow();
   life.add(onParams(look));
   life.add(hidden.subscribe(() => refresh()));

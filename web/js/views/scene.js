@@ -28,6 +28,7 @@ import { cardPicture, jobLook, lookOfJob } from "../film/job-look.js";
 import { PREPARING } from "../scene/clarity.js";
 import { beginView } from "../scene/mesh-relay.js";
 import { liveView } from "../scene/live-view.js";
+import { shapeView } from "../scene/view-request.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { prepareSteps, stepOf } from "../scene/prepare-steps.js";
 import { preparingView } from "../scene/preparing-view.js";
@@ -144,7 +145,7 @@ function outline(scene, life, steps) {
   if (steps.isOpen) steps.render();
   const pills = h("div", { class: "view-pills" }, h("p", { class: "small view-state" }, PREPARING), steps.isOpen && steps.element);
   const frame = h("div", { class: "live-view-frame" }, surface, pills);
-  frame.style.setProperty("--aspect", String((defaults["width"] ?? 16) / (defaults["height"] ?? 9)));
+  shapeView(frame, (defaults["width"] ?? 16) / (defaults["height"] ?? 9));
   return h(
     "div",
     { class: "workspace-columns" },
@@ -197,15 +198,16 @@ function preparing(page, scene, life, steps) {
 
 /** Files that state the settings of their picture, which are not known until they are read. */
 const SETTINGS_FILE = /\.ya?ml$/i;
-/** Files that state no up axis (renderer/scene/readers/up_axis.py), and have no lights. */
+/** Files that state no up axis (renderer/scene/readers/up_axis.py), and those that have no lights, or seldom. */
 const MESH_FILE = /\.(obj|ply|stl)$/i;
+const UNLIT_FILE = /\.(obj|ply|stl|off|3mf|glb|gltf|usdz)$/i;
 
-/** Returns what the form shows until the scene is known: the automatic camera, and of a mesh file its guessed axis and the studio's light. @param {Scene} scene @returns {Scene} */
+/** Returns what the form shows until the scene is known: the automatic camera, the studio's light, and of a mesh file its guessed axis. @param {Scene} scene @returns {Scene} */
 function draftOf(scene) {
   const cameras = scene.cameras.length ? scene.cameras : [{ name: "auto", view: START }];
-  const isMesh = MESH_FILE.test(scene.main ?? "") && !scene.environment;
+  const isUnlit = UNLIT_FILE.test(scene.main ?? "") && !scene.environment;
   const codes = { ...scene.codes, warnings: [{ code: WITHOUT_LIGHT, params: {} }] };
-  return { ...scene, cameras, ...(isMesh && { up_axis: "y", up: scene.up ?? "auto", codes }) };
+  return { ...scene, cameras, ...(isUnlit && { codes }), ...(MESH_FILE.test(scene.main ?? "") && { up_axis: "y", up: scene.up ?? "auto" }) };
 }
 
 /** Interval and maximum duration, in milliseconds, of polling for a preview, since events come only twice a second. */

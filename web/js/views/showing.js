@@ -37,13 +37,20 @@ export const NAV = /** @type {const} */ ([
 /** The section of NAV that another section belongs to. @type {Record<string, string>} */
 const SECTION_OF = { scenes: "", compare: "jobs" };
 
-/** @type {{viewAt: (hash: string) => string | null, stands: () => void}} */
+/** @type {{viewAt: (hash: string) => string | null, viewShown: () => Promise<boolean>}} */
 const ahead = /** @type {any} */ (window).rayfarmViews;
-/** @type {{loadAgain: () => boolean, stands: () => void}} */
+/** @type {{loadAgain: () => boolean, viewShown: () => void}} */
 const again = /** @type {any} */ (window).rayfarmAgain;
 
 /** Loads the modules of a scene's view, which is likely to be opened soon. */
 export const loadSceneView = () => VIEWS["scenes/ID"]?.();
+
+/** Preloads the other views; starts the modules of a scene's view, which take longest, once the page has nothing else to do. */
+async function loadWhenIdle() {
+  if (!(await ahead.viewShown())) return;
+  const whenIdle = window.requestIdleCallback ?? setTimeout; // Safari has only the latter
+  whenIdle(() => void loadSceneView()?.catch(() => {})); // the view reports it when it is opened
+}
 
 /** @type {MakeView} */
 function nothingHere() {
@@ -75,8 +82,8 @@ export function showViews(main, markSection) {
     // Screen readers then read the new view; at the start the browser's own focus stays.
     if (!isFirst) return main.focus({ preventScroll: true });
     isFirst = false;
-    again.stands();
-    ahead.stands();
+    again.viewShown();
+    void loadWhenIdle();
   };
 
   /** @param {string} address @returns {Promise<MakeView | null>} null: the page will be loaded again */

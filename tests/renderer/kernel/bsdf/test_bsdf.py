@@ -85,18 +85,8 @@ def sphere(n, seed):
 
 
 # At 80 degrees lobes are cut off by the horizon. At 0 the direction has no azimuth, which anisotropy and several lobes use.
-ORDINARY_AT_80 = (
-    "plastic",
-    "metal",
-    "rough glass",
-    "leaf",
-    "clearcoat",
-    "everything",
-    "brushed Beckmann conductor",
-    "Beckmann glass",
-    "paint under a Beckmann coat",
-)
-ORDINARY_AT_0 = ("rough glass", "everything", "brushed Beckmann conductor")
+ORDINARY_AT_80 = ("metal", "rough glass", "leaf", "everything", "brushed Beckmann conductor", "paint under a Beckmann coat")
+ORDINARY_AT_0 = ("everything", "brushed Beckmann conductor")
 
 
 def is_ordinary(name, degrees):

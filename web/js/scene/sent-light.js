@@ -1,0 +1,53 @@
+/** Fetches the lights for a preview mesh that the page does not have: the service knows some once a worker has read the scene with them. */
+
+import { fetchPreviewLight } from "../news/api.js";
+import { isComputable, keepLight, keyOf } from "./chosen-light.js";
+
+/** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
+
+/** Interval and maximum duration, in milliseconds, of asking for a light. */
+const [ASK_MS, ASKED_MS] = [200, 20_000];
+
+export class SentLights {
+  /** @param {string} scene its id @param {() => void} arrived called when the mesh has the light that was wanted last */
+  constructor(scene, arrived) {
+    this.scene = scene;
+    this.arrived = arrived;
+    this.asking = new AbortController();
+    this.wanted = "";
+  }
+
+  /** Fetches the light of a request, if the mesh needs it. @param {MeshPacket | null} mesh @param {Record<string, any>} request a view's */
+  want(mesh, request) {
+    const { environment = {}, variant, up, floor } = request;
+    const wanted = JSON.stringify([mesh?.triangles, keyOf(environment), variant, up, floor]);
+    if (wanted === this.wanted) return;
+    this.dispose();
+    this.wanted = wanted;
+    if (mesh && keyOf(environment) && !isComputable(mesh, environment)) void this.ask(mesh, request, (this.asking = new AbortController()));
+  }
+
+  /** @param {MeshPacket} mesh @param {Record<string, any>} request @param {AbortController} asking */
+  async ask(mesh, request, { signal }) {
+    const until = performance.now() + ASKED_MS;
+    try {
+      while (!signal.aborted && performance.now() < until) {
+        const light = await fetchPreviewLight(this.scene, request, signal);
+        if (signal.aborted) return;
+        if (light) {
+          keepLight(mesh, request["environment"], light);
+          this.arrived();
+          return;
+        }
+        await new Promise((resolve) => setTimeout(resolve, ASK_MS));
+      }
+    } catch {
+      // The samples show the light.
+    }
+  }
+
+  dispose() {
+    this.asking.abort();
+    this.wanted = "";
+  }
+}
