@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 
 import numpy as np
 import pytest
@@ -156,8 +157,9 @@ def test_first_shadow_of_a_preview_is_grey_and_without_steps(farm: Farm, watched
     assert watched.errors == []
 
 
-# Draws a metal floor before a wall in several lights, one after the other. Returns the colours of the floor's middle, 0 ... 255.
-DRAW_MIRROR = """async ([obj, mtl, lights]) => {
+# Draws a metal floor before a wall in several lights, one after the other. Returns the colours of pixels, 0 ... 255; by default
+# of the middle of the floor.
+DRAW_MIRROR = """async ([obj, mtl, lights, points = [[100, 100]]]) => {
   const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");
   const { meshOf } = await import("/js/mesh/upload.js");
   const files = [["mirror.obj", obj], ["mirror.mtl", mtl]].map(([path, text]) => ({ path, file: new File([text], path) }));
@@ -169,11 +171,11 @@ DRAW_MIRROR = """async ([obj, mtl, lights]) => {
   mesh.setMesh({ ...packet, textures: [] });
   mesh.setView({ eye: [0, 1, 4], target: [0, 0, 0], up: [0, 1, 0], fov: 40 });
   const copy = new OffscreenCanvas(200, 200).getContext("2d");
-  return lights.map((light) => {
+  return lights.flatMap((light) => {
     mesh.relight(light);
     mesh.draw();
     copy.drawImage(canvas, 0, 0, 200, 200);
-    return [...copy.getImageData(100, 100, 1, 1).data.slice(0, 3)];
+    return points.map(([x, y]) => [...copy.getImageData(x, y, 1, 1).data.slice(0, 3)]);
   });
 }"""
 MIRROR = "mtllib mirror.mtl\nv -3 0 -3\nv 3 0 -3\nv 3 0 3\nv -3 0 3\nv -3 2 -3\nv 3 2 -3\n"
@@ -191,6 +193,33 @@ def test_metal_of_a_preview_shows_the_other_surfaces(farm: Farm, watched: Watche
     own, chosen = page.evaluate(DRAW_MIRROR, [MIRROR, white, [{}, {"color": [0.02, 1, 0.02]}]])
     assert own[1] < 1.5 * own[0] + 20
     assert chosen[1] > 2 * chosen[0] + 20, "in the light that is chosen"
+    metal = materials + "Pm 1\nPr 0.1\n"
+    [[red, green, _]] = page.evaluate(DRAW_MIRROR, [MIRROR, metal, [{}]])
+    assert red > 2 * green + 20, "mirrors show each other"
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_metal_of_a_preview_shows_what_is_near_in_its_place(farm: Farm, watched: Watched) -> None:
+    """A low wall is reflected directly before it, and not far before it."""
+    page = watched.page
+    page.goto(farm.url)
+    low = "v -1 0 -0.25\nv 1 0 -0.25\nv 1 0.25 -0.25\nv -1 0.25 -0.25\nusemtl wall\nf 7 8 9 10\n"
+    post = "v -3 2 -3\nv -2.9 2 -3\nv -3 0 -3\nf 11 12 13\n"
+    floor = MIRROR.split("usemtl wall")[0]
+    materials = "newmtl metal\nKd 0.9 0.9 0.9\nPm 1\nPr 0\nnewmtl wall\nKd 0.8 0.02 0.02\n"
+
+    def row(z: float) -> float:
+        """Returns the row of the picture at which a point (0, 0, z) is seen from (0, 1, 4) towards the origin."""
+        forward, up = np.array([0, -1, -4]) / 17**0.5, np.array([0, 4, -1]) / 17**0.5
+        way = np.array([0, -1, z - 4])
+        return float(100 - 100 * (way @ up) / (way @ forward) / math.tan(math.radians(20)))
+
+    before, far = page.evaluate(
+        DRAW_MIRROR, [floor + low + post, materials, [{}], [[100, round(row(0.2))], [100, round(row(1.5))]]]
+    )
+    assert before[0] > 2 * before[1] + 20
+    assert far[0] < 1.5 * far[1] + 20
     assert watched.errors == []
 
 

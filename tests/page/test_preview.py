@@ -258,25 +258,42 @@ def test_light_is_prepared_before_a_kept_picture_is_measured(node: Node) -> None
     assert node.call("scene/mesh-canvas", body, {"view": VIEW, "distance": 0}) == [], "the picture's own camera needs no mesh"
 
 
-def test_scene_is_seen_from_its_only_mirror(node: Node) -> None:
+def test_scene_is_seen_from_the_largest_mirrors(node: Node) -> None:
+    """Small mirrors share a cube, drawn from the middle, and so do all of a mesh of many triangles, unless there is only one."""
+    body = """
+        const mirrors = a.sizes.map((size) => ({ middle: [size, 0, 0], size }));
+        return m.viewpoints(mirrors, a.triangles).map(({ from, of }) => [from[0], of.map(({ size }) => size)]);"""
+
+    def seen(sizes: list[int], triangles: int = 1000) -> object:
+        return node.call("scene/mesh-mirror", body, {"sizes": sizes, "triangles": triangles})
+
+    assert seen([]) == []
+    assert seen([1, 3]) == [[3, [3]], [1, [1]]]
+    assert seen([1, 6, 3, 5, 4, 2]) == [[6, [6]], [5, [5]], [4, [4]], [0, [3, 2, 1]]]
+    assert seen([2], 10**6) == [[2, [2]]]
+    assert seen([1, 2], 10**6) == [[0, [2, 1]]]
+
+
+def test_mirror_is_not_drawn_into_what_it_shows(node: Node) -> None:
     body = """
         const plain = { metallic: 0, roughness: 0.5, f0: [0.04, 0.04, 0.04], transmission: 0 };
-        const gl = new Proxy({}, { get: () => () => {} });
-        const from = (mirrors) => {
-            const canvas = Object.create(m.MeshCanvas.prototype, {
-                gl: { value: gl },
-                look: { value: { gain: 1 } },
-                drawMesh: { value: () => {} },
-                mirrored: { value: null, writable: true },
-                places: { value: [...mirrors, [0, 0, 0]].map((middle) => ({ middle, size: 1, isDense: false, isBall: false })) },
-            });
-            const parts = [...mirrors.map(() => ({ material: 0 })), { material: 1 }];
-            const materials = [{ ...plain, metallic: 1, roughness: 0.1 }, plain];
-            canvas.drawMirrored({ low: [0, 0, 0], high: [1, 1, 1], parts, materials }, {});
-            return canvas.mirrored.from;
-        };
-        return [from([[1, 2, 3]]), from([[1, 2, 3], [4, 5, 6]])];"""
-    assert node.call("scene/mesh-canvas", body, {}) == [[1, 2, 3], [0, 0, 0]]
+        const materials = [{ ...plain, metallic: 1, roughness: 0.1 }, plain];
+        const parts = [0, 0, 1].map((material, first) => ({ first, corners: 3, material }));
+        const seen = [];
+        const canvas = Object.create(m.MeshCanvas.prototype, {
+            gl: { value: new Proxy({}, { get: () => () => {} }) },
+            look: { value: { gain: 1 } },
+            mirrored: { value: null, writable: true },
+            places: { value: parts.map(({ first }) => ({ middle: [first, 0, 0], size: 9, isDense: false, isBall: false })) },
+            drawMesh: { value: () => {
+                const { from, isSeen } = canvas.mirrored.drawing;
+                seen.push([from[0], canvas.partsOf(mesh).filter(isSeen).map(({ part }) => part.first)]);
+            } },
+        });
+        const mesh = { low: [0, 0, 0], high: [1, 1, 1], triangles: 3, parts, materials };
+        canvas.drawMirrored(mesh, {});
+        return [...seen.filter((_, i) => i % 6 === 0), canvas.mirrored.drawing];"""
+    assert node.call("scene/mesh-canvas", body, {}) == [[0, [1, 2]], [1, [0, 2]], None]
 
 
 def test_reading_is_given_up_when_it_takes_long_or_the_service_refuses(node: Node) -> None:

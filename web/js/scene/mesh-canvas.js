@@ -6,7 +6,7 @@ import { KeptPicture, fromMiddle } from "./kept-picture.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
 import { chosenLight, isComputable } from "./chosen-light.js";
 import { lampsOf, sunsOn } from "./mesh-lamps.js";
-import { isMirror, mirrorTexture } from "./mesh-mirror.js";
+import { isMirror, mirrorCube, viewpoints } from "./mesh-mirror.js";
 import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
 import { FLOOR_REACH } from "./mesh-shadow-places.js";
@@ -19,14 +19,17 @@ import { aroundTexture, fillTexel, fillTexture, standInOf, tablesOf, texelTextur
 /** @typedef {import("../news/mesh-packet.js").MeshMaterial} MeshMaterial */
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
 /** @typedef {import("../news/mesh-packet.js").MeshPart} MeshPart */
+/** @typedef {{part: MeshPart, material: MeshMaterial, showsScene: boolean, middle: Vec3, size: number, isDense: boolean, isBall: boolean}} DrawnPart */
 
 const MAX_RATIO = 2;
 /** Share of the resolution along a side with which the first frame and those of a moving camera are drawn without a graphics card; time, in milliseconds, from the last of them to one of full resolution. */
 const [COARSE_RATIO, SETTLED_MS] = [0.5, 150];
 /** Time, in milliseconds, that a mesh waits for its textures: what was drawn before stays meanwhile. */
 const HELD_MS = 400;
-/** Texture units of the mesh: the projected picture has 1 to 4 (kept-picture.js). */
+/** Texture units of the mesh: the projected picture has 1 to 4 (kept-picture.js), shadows 10 to 15; a program has one of them at most. */
 const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8, mirrored: 9 };
+/** Unit of the depths of what mirrors show, with a projected picture, and without. */
+const MIRRORED_DEPTH = { kept: 15, alone: 1 };
 const ALPHA_MODES = { opaque: 0, mask: 1, blend: 2 };
 /** Corners from which a part is shaded at its vertices. */
 const DENSE = 300_000;
@@ -82,7 +85,7 @@ export class MeshCanvas {
     this.chosen = {};
     /** What is drawn before glass. @type {WebGLTexture | null} */
     this.behind = null;
-    /** The scene as its mirrors see it from a point, and the light and the exposure with which it was drawn; while it is drawn, its texture is null. @type {{texture: WebGLTexture | null, light: NonNullable<MeshCanvas["light"]>, gain: number, from: Vec3} | null} */
+    /** The scene as its mirrors see it, and the light and the exposure with which it was drawn. drawing: what is being drawn; isSeen: which parts. @type {{cubes: (import("./mesh-mirror.js").Cube & {from: Vec3, of: Set<MeshPart>})[], drawing: {from: Vec3, isSeen: (part: DrawnPart) => boolean} | null, light: NonNullable<MeshCanvas["light"]>, gain: number} | null} */
     this.mirrored = null;
     /** Middles of the parts, relative to the mesh's, their sizes, and whether they are shaded at the vertices. @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}[]} */
     this.places = [];
@@ -313,9 +316,9 @@ export class MeshCanvas {
     if (!gl || !programs) return;
     const light = this.prepareLight(mesh);
     if (onPage && !kept) this.drawMirrored(mesh, view, light);
-    const mirrored = this.mirrored?.texture ?? null;
+    const { cubes = [], drawing = null } = this.mirrored ?? {};
     const shadows = onPage && !kept && this.shadows?.isPossible ? this.shadows : null;
-    const eye = view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
+    const eye = drawing ? [...drawing.from, 1] : view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
     const isDefaultCurve = this.look.curve === curveIndex(DEFAULT_CURVE);
     /** @type {import("./mesh-program.js").Feature[]} */
     const curves = isDefaultCurve ? [] : ["CURVES"];
@@ -327,10 +330,10 @@ export class MeshCanvas {
      * @param {boolean} [isDense]
      */
     const use = (of, pass, isDense = false) => {
-      const features = [...curves, ...featuresOf(of)];
+      const features = [...curves, ...featuresOf(of, drawing !== null)];
       if (kept) features.push("KEPT");
       if (shadows) features.push("SHADOWS");
-      if (mirrored && of.some(({ showsScene }) => showsScene)) features.push("MIRRORS");
+      if (!drawing && cubes.length && of.some(({ showsScene }) => showsScene)) features.push("MIRRORS");
       if (light.lamps.length) features.push("LAMPS");
       const linked = isDense ? programs.with(DENSE_VERTEX, DENSE_FRAGMENT, features) : programs.with(VERTEX, FRAGMENT, features);
       if (!linked) return false;
@@ -349,26 +352,25 @@ export class MeshCanvas {
       gl.uniform3fv(at("irradiance"), light.irradiance);
       this.setLamps(light.lamps, mesh);
       if (onPage) shadows?.bind(at, onPage);
-      if (mirrored) {
-        gl.uniform3fv(at("mirroredFrom"), this.mirrored?.from ?? [0, 0, 0]);
-        gl.uniform1i(at("isBlack"), light.isBlack ? 1 : 0);
-        gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
-        gl.bindTexture(gl.TEXTURE_CUBE_MAP, mirrored);
-      }
+      gl.uniform1i(at("mirroredDepth"), this.kept ? MIRRORED_DEPTH.kept : MIRRORED_DEPTH.alone);
+      gl.uniform1i(at("isBlack"), light.isBlack ? 1 : 0);
       return true;
     };
     if (onPage) shadows?.follow(toClip, eye, onPage);
     if (onPage) gl.viewport(0, 0, onPage.width, onPage.height);
-    const parts = this.partsOf(mesh).filter(({ showsScene }) => !this.mirrored || mirrored || !showsScene);
-    const glass = parts.filter(({ material }) => material.transmission > 0);
+    const parts = this.partsOf(mesh);
+    const draw = (/** @type {DrawnPart} */ each) => {
+      if (drawing?.isSeen(each) ?? true) this.drawPart(each);
+    };
+    const glass = parts.filter(({ material }) => material.transmission > 0 && !drawing);
     const blended = parts.filter(({ material }) => material.transmission === 0 && material.alpha_mode === "blend");
     const away = (/** @type {Vec3} */ middle) => middle.reduce((sum, value, i) => sum + (eye[3] ? ((eye[i] ?? 0) - value) ** 2 : -(eye[i] ?? 0) * value), 0);
     const farthestFirst = (/** @type {typeof parts} */ of) => of.toSorted((a, b) => away(b.middle) - away(a.middle));
     bind(gl, UNITS.behind, this.textures.at(-1) ?? null);
-    const opaque = parts.filter(({ material }) => material.transmission === 0);
+    const opaque = parts.filter(({ material }) => material.transmission === 0 || drawing);
     for (const dense of [true, false]) {
       const chosen = opaque.filter(({ isDense, material }) => dense === (isDense && isDefaultCurve && isPlain(material)));
-      if (chosen.length && use(dense ? chosen : [...chosen, ...blended], PASS.opaque, dense)) for (const each of chosen) this.drawPart(each);
+      if (chosen.length && use(dense ? chosen : [...chosen, ...blended], PASS.opaque, dense)) chosen.forEach(draw);
     }
     if (onPage && shadows && this.hasFloor) this.drawFloor(shadows, toClip, eye, onPage, light, [...curves, ...(light.lamps.length ? /** @type {const} */ (["LAMPS"]) : [])]);
     const hasBehind = onPage !== null && glass.length > 0;
@@ -380,9 +382,9 @@ export class MeshCanvas {
       gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);
       if (hasBehind) bind(gl, UNITS.behind, this.behind);
       for (const each of farthestFirst(glass)) {
-        gl.uniform1i(this.at("isBall"), each.isBall ? 1 : 0);
+        gl.uniform1i(this.at("isBall"), each.isBall && !each.material.thin ? 1 : 0);
         gl.uniform1f(this.at("depth"), each.material.thin ? 0 : each.size);
-        this.drawPart(each);
+        draw(each);
       }
     }
     if (blended.length && use([...opaque, ...blended], PASS.blend)) {
@@ -393,7 +395,7 @@ export class MeshCanvas {
       for (const each of farthestFirst(blended))
         for (const face of [gl.FRONT, gl.BACK]) {
           gl.cullFace(face); // the far side first
-          this.drawPart(each);
+          draw(each);
         }
       gl.disable(gl.CULL_FACE);
       gl.depthMask(true);
@@ -402,7 +404,7 @@ export class MeshCanvas {
     gl.activeTexture(gl.TEXTURE0);
   }
 
-  /** Returns the parts, with their materials, and whether they show the scene. @param {MeshPacket} mesh */
+  /** Returns the parts, with their materials, and whether they show the scene. @param {MeshPacket} mesh @returns {DrawnPart[]} */
   partsOf(mesh) {
     return mesh.parts.map((part, i) => {
       const place = /** @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}} */ (this.places[i]);
@@ -418,24 +420,43 @@ export class MeshCanvas {
     if (!gl || this.mirrored) return;
     const parts = this.partsOf(mesh);
     const mirrors = parts.filter(({ showsScene }) => showsScene);
-    if (!mirrors.length || mirrors.length === parts.length) return;
-    // Seen from elsewhere, things would be in wrong places in it.
-    const from = /** @type {Vec3} */ ((mirrors.length === 1 && mirrors[0]?.middle) || [0, 0, 0]);
-    this.mirrored = { texture: null, light, gain: look.gain, from };
+    if (!mirrors.length) return;
     const radius = Math.hypot(...mesh.high.map((value, i) => value - (mesh.low[i] ?? 0))) / 2 || 1;
+    /** @type {NonNullable<MeshCanvas["mirrored"]>} */
+    const mirrored = (this.mirrored = { cubes: [], drawing: null, light, gain: look.gain });
     gl.enable(gl.DEPTH_TEST);
-    gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
-    const texture = mirrorTexture(gl, radius, from, (toClip) => this.drawMesh(toClip, mesh, view, null, null));
-    this.mirrored = { texture, light, gain: look.gain, from };
+    for (const { from, of } of viewpoints(mirrors, mesh.triangles)) {
+      if (of.length === parts.length) continue; // nothing else is seen
+      const showing = new Set(of.map(({ part }) => part));
+      const cube = mirrorCube(gl, radius, from, (toClip, isSeen) => {
+        mirrored.drawing = { from, isSeen: (each) => !showing.has(each.part) && isSeen(each) };
+        this.drawMesh(toClip, mesh, view, null, null);
+      });
+      mirrored.cubes.push({ ...cube, from, of: showing });
+    }
+    mirrored.drawing = null;
   }
 
   forgetMirrored() {
-    if (this.mirrored) this.gl?.deleteTexture(this.mirrored.texture);
+    for (const { color, depth } of this.mirrored?.cubes ?? []) for (const each of [color, depth]) this.gl?.deleteTexture(each);
     this.mirrored = null;
   }
 
+  /** Binds what a mirror shows. @param {MeshPart} part */
+  bindMirrored(part) {
+    const { gl, at, mirrored } = this;
+    const cube = mirrored?.cubes.find(({ of }) => of.has(part));
+    if (!gl || !cube || mirrored?.drawing) return false;
+    gl.uniform3fv(at("mirroredFrom"), cube.from);
+    gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
+    gl.bindTexture(gl.TEXTURE_CUBE_MAP, cube.color);
+    gl.activeTexture(gl.TEXTURE0 + (this.kept ? MIRRORED_DEPTH.kept : MIRRORED_DEPTH.alone));
+    gl.bindTexture(gl.TEXTURE_CUBE_MAP, cube.depth);
+    return true;
+  }
+
   /** @param {{part: MeshPart, material: MeshMaterial, showsScene: boolean}} drawn */
-  drawPart({ part: { first, corners }, material, showsScene }) {
+  drawPart({ part, material, showsScene }) {
     const { gl, at, textures } = this;
     if (!gl) return;
     bind(gl, UNITS.roughMetal, textures.at(material.metallic_roughness_texture) ?? null); // -1 is the last
@@ -450,9 +471,9 @@ export class MeshCanvas {
     gl.uniform1f(at("coat"), material.coat);
     gl.uniform1f(at("coatRoughness"), material.coat_roughness);
     gl.uniform1i(at("unlit"), material.unlit ? 1 : 0);
-    gl.uniform1i(at("showsScene"), showsScene ? 1 : 0);
+    gl.uniform1i(at("showsScene"), showsScene && this.bindMirrored(part) ? 1 : 0);
     gl.uniform1i(at("isWhole"), material.texture < 0 && !this.kept ? 1 : 0);
-    this.drawShape({ first, corners, material: 0 }, material, at);
+    this.drawShape(part, material, at);
   }
 
   /** Draws the triangles of a part where they are not transparent. @param {MeshPart} part @param {MeshMaterial} material @param {(name: string) => WebGLUniformLocation | null} at finds the program's uniforms */
@@ -588,19 +609,19 @@ function bind(gl, unit, texture) {
   gl.bindTexture(gl.TEXTURE_2D, texture);
 }
 
-/** Returns what the program of some parts must draw. @param {{material: MeshMaterial}[]} parts */
-function featuresOf(parts) {
+/** Returns what the program of some parts must draw. @param {{material: MeshMaterial}[]} parts @param {boolean} inCube for mirrors */
+function featuresOf(parts, inCube) {
   /** @type {import("./mesh-program.js").Feature[]} */
   const features = [];
   const has = (/** @type {(material: MeshMaterial) => boolean} */ test) => parts.some(({ material }) => test(material));
-  if (has(({ transmission }) => transmission > 0)) features.push("GLASS");
+  if (has(({ transmission }) => transmission > 0)) features.push(inCube ? "CLEAR" : "GLASS");
   if (has(({ coat }) => coat > 0)) features.push("COAT");
   if (has((material) => Math.max(material.metallic_roughness_texture, material.emission_texture) >= 0)) features.push("MAPS");
   return features;
 }
 
 /** Returns whether a material is shaded by its vertices alone. @param {MeshMaterial} material */
-const isPlain = (material) => !material.unlit && material.coat === 0 && material.alpha_mode !== "blend" && Math.max(material.metallic_roughness_texture, material.emission_texture) < 0;
+const isPlain = (material) => !material.unlit && material.transmission === 0 && material.coat === 0 && material.alpha_mode !== "blend" && Math.max(material.metallic_roughness_texture, material.emission_texture) < 0;
 
 /** @param {number[]} vector @returns {Vec3} */
 const unit = (vector) => /** @type {Vec3} */ (vector.map((value) => value / (Math.hypot(...vector) || 1)));

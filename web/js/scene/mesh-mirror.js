@@ -1,12 +1,12 @@
-/** Reflections in the mirrors of a preview mesh: its other surfaces, drawn once from a point into the six sides of a cube. */
+/** Reflections in the mirrors of a preview mesh: its other surfaces, drawn once from a point into the six sides of a cube, with their depths. */
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../news/mesh-packet.js").MeshMaterial} MeshMaterial */
 
 /** Side length in texels. */
-const SIDE = 128;
+export const SIDE = 128;
 /** Bounds of the depths, in radii of the scene. */
-const [NEAR, FAR] = [0.01, 2.1];
+export const [NEAR, FAR] = [0.01, 2.1];
 /** Least reflectance, and greatest roughness, of a surface that shows other surfaces. */
 const [REFLECTS, ROUGH] = [0.15, 0.6];
 /** The directions to the right, up and forward of each side, as OpenGL defines them. */
@@ -19,43 +19,76 @@ const SIDES = /** @type {[Vec3, Vec3, Vec3][]} */ ([
   [[-1, 0, 0], [0, -1, 0], [0, 0, -1]],
 ]);
 
-/** Returns whether a surface reflects or refracts the others. Such surfaces are not drawn into the cube. @param {MeshMaterial} material */
+/** Mirrors that are given a cube of their own at most, and triangles that are drawn for these. */
+const [MOST_OWN, MOST_TRIANGLES] = [4, 100_000];
+
+/** What is drawn for some mirrors. from: where it is seen from, relative to the mesh's middle. @typedef {{color: WebGLTexture, depth: WebGLTexture}} Cube */
+
+/** Returns whether a surface reflects or refracts the others. @param {MeshMaterial} material */
 export const isMirror = ({ metallic, roughness, f0, transmission }) => transmission > 0 || (roughness < ROUGH && (metallic > 0.5 || Math.max(...f0) > REFLECTS));
 
 /**
- * Draws the cube.
+ * Returns which mirrors share a cube, and where it is drawn from: the largest have cubes of their own, so that what is near is in its
+ * place and they show each other; the others share one that is drawn from the middle of the scene.
+ *
+ * @template {{middle: Vec3, size: number}} Mirror
+ * @param {Mirror[]} mirrors
+ * @param {number} triangles of the mesh
+ * @returns {{from: Vec3, of: Mirror[]}[]}
+ */
+export function viewpoints(mirrors, triangles) {
+  const own = Math.min(MOST_OWN, Math.floor(MOST_TRIANGLES / triangles));
+  const largestFirst = mirrors.toSorted((a, b) => b.size - a.size);
+  const shared = mirrors.length === 1 ? 1 : mirrors.length <= own ? mirrors.length : Math.max(own - 1, 0);
+  const found = largestFirst.slice(0, shared).map((each) => ({ from: each.middle, of: [each] }));
+  if (shared < mirrors.length) found.push({ from: [0, 0, 0], of: largestFirst.slice(shared) });
+  return found;
+}
+
+/**
+ * Draws a cube.
  *
  * @param {WebGL2RenderingContext} gl
  * @param {number} radius of the scene
  * @param {Vec3} from where it is seen from
- * @param {(toClip: Float32Array<ArrayBuffer>) => void} draw
- * @returns {WebGLTexture} bound to the active unit
+ * @param {(toClip: Float32Array<ArrayBuffer>, isSeen: (part: {middle: Vec3, size: number}) => boolean) => void} draw draws a side
+ * @returns {Cube} not bound to the active unit
  */
-export function mirrorTexture(gl, radius, from, draw) {
+export function mirrorCube(gl, radius, from, draw) {
   const unit = gl.getParameter(gl.ACTIVE_TEXTURE);
-  const texture = gl.createTexture();
-  gl.bindTexture(gl.TEXTURE_CUBE_MAP, texture);
-  gl.texStorage2D(gl.TEXTURE_CUBE_MAP, Math.log2(SIDE) + 1, gl.RGBA8, SIDE, SIDE);
-  gl.texParameteri(gl.TEXTURE_CUBE_MAP, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+  const depth = cubeTexture(gl, 1, gl.DEPTH_COMPONENT24, gl.NEAREST, gl.NEAREST);
+  const color = cubeTexture(gl, Math.log2(SIDE) + 1, gl.RGBA8, gl.LINEAR_MIPMAP_LINEAR, gl.LINEAR);
+  gl.bindTexture(gl.TEXTURE_CUBE_MAP, null); // shaders must not read what they write
   const frame = gl.createFramebuffer();
-  const depth = gl.createRenderbuffer();
-  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-  gl.bindRenderbuffer(gl.RENDERBUFFER, depth);
-  gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, SIDE, SIDE);
-  gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, depth);
-  gl.clearColor(0, 0, 0, 0);
   SIDES.forEach(([right, up, forward], side) => {
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_CUBE_MAP_POSITIVE_X + side, texture, 0);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    const face = gl.TEXTURE_CUBE_MAP_POSITIVE_X + side;
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, face, color, 0);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, face, depth, 0);
     gl.viewport(0, 0, SIDE, SIDE);
+    gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    draw(projection(from, right, up, forward, NEAR * radius, FAR * radius));
+    draw(projection(from, right, up, forward, NEAR * radius, FAR * radius), ({ middle, size }) => {
+      const way = middle.map((value, i) => value - (from[i] ?? 0));
+      return [right, up].every((axis) => [1, -1].every((sign) => way.reduce((sum, value, i) => sum + value * ((forward[i] ?? 0) + sign * (axis[i] ?? 0)), 0) > -Math.SQRT2 * size));
+    });
   });
   gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   gl.deleteFramebuffer(frame);
-  gl.deleteRenderbuffer(depth);
   gl.activeTexture(unit);
-  gl.bindTexture(gl.TEXTURE_CUBE_MAP, texture);
+  gl.bindTexture(gl.TEXTURE_CUBE_MAP, color);
   gl.generateMipmap(gl.TEXTURE_CUBE_MAP);
+  gl.bindTexture(gl.TEXTURE_CUBE_MAP, null);
+  return { color, depth };
+}
+
+/** Returns a texture that is bound to the active unit. @param {WebGL2RenderingContext} gl @param {number} levels @param {number} format @param {number} smaller filter @param {number} larger filter */
+function cubeTexture(gl, levels, format, smaller, larger) {
+  const texture = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_CUBE_MAP, texture);
+  gl.texStorage2D(gl.TEXTURE_CUBE_MAP, levels, format, SIDE, SIDE);
+  gl.texParameteri(gl.TEXTURE_CUBE_MAP, gl.TEXTURE_MIN_FILTER, smaller);
+  gl.texParameteri(gl.TEXTURE_CUBE_MAP, gl.TEXTURE_MAG_FILTER, larger);
   return texture;
 }
 

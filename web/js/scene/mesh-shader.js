@@ -4,6 +4,7 @@ import { TONEMAP_GLSL } from "../film/tonemap.js";
 import { KEPT_GLSL } from "./kept-picture.js";
 import { FLOOR_MAP_GLSL } from "./mesh-floor-shader.js";
 import { LEVELS } from "./mesh-environment.js";
+import { FAR, NEAR, SIDE } from "./mesh-mirror.js";
 
 /** Lamps that the mesh is shaded by; what the others give comes from all around. */
 export const MOST_LAMPS = 4;
@@ -91,22 +92,74 @@ vec3 undisplayed(vec3 c) {
 }
 #ifdef MIRRORS
 uniform samplerCube mirrored; // the scene from a point, without what reflects it, multiplied by its alpha
+uniform highp samplerCube mirroredDepth;
 uniform vec3 mirroredFrom;
 uniform bool showsScene;
 uniform bool isBlack; // nothing is around the scene
-#endif
-// Radiance along a ray: of the scene, if it is seen there, placed at the sides of its bounds; or else of what is around.
-vec3 seenAlong(vec3 place, vec3 way, float rough) {
-  vec3 light = reflected(way, rough);
-#ifdef MIRRORS
+const int STEPS = 7, HALVINGS = 3; // along a ray, and of the step in which something is met
+const float THICK = 0.4; // distance of what is seen, in proportion to a point's, below which the point is hidden
+// Distance from the cube's middle of what is seen towards a point, in proportion to that point's.
+float seenBehind(vec3 way) {
+  vec3 sizes = abs(way);
+  float depth = 2.0 * textureLod(mirroredDepth, way, 0.0).r - 1.0;
+  float radius = 0.5 * length(extent);
+  return 2.0 * radius * ${FAR * NEAR} / (${FAR + NEAR} - depth * ${FAR - NEAR}) / max(sizes.x, max(sizes.y, sizes.z));
+}
+// Where a ray meets the scene in the cube, relative to its middle: where the ray is first behind what is seen towards it, or else leaves the bounds;
+// and 0 if what is there is hidden in the cube.
+// Source: Szirmay-Kalos et al. 2005, "Approximate ray-tracing on the GPU with distance impostors".
+vec4 metAlong(vec3 place, vec3 way) {
   vec3 safe = mix(way, vec3(1e-6), lessThan(abs(way), vec3(1e-6)));
   vec3 ends = (0.5 * extent * sign(safe) - place) / safe;
-  vec4 known = textureLod(mirrored, place + max(min(ends.x, min(ends.y, ends.z)), 0.0) * way - mirroredFrom, 7.0 * sqrt(rough));
-  if (showsScene && isBlack) light = vec3(0.0);
-  if (showsScene && known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
+  float end = max(min(ends.x, min(ends.y, ends.z)), 0.0);
+  place -= mirroredFrom;
+  float before = 0.0, after = end, depth = 1.0;
+  bool wasOpen = false, isFound = false;
+  int step = 1, halved = 0;
+  for (int i = 0; i < STEPS + HALVINGS + 2; i++) { // one loop: a processor that stands in for a graphics card compiles each look-up anew
+    float at = isFound ? 0.5 * (before + after) : end * float(step * step) / float(STEPS * STEPS);
+    float seen = seenBehind(place + at * way);
+    if (!isFound && step == STEPS) {
+      after = end;
+      depth = seen;
+      break;
+    }
+    bool isOpen = seen > 1.0;
+    if (isOpen) before = at;
+    else if (isFound || wasOpen) {
+      after = at;
+      depth = seen;
+      isFound = true;
+    }
+    wasOpen = isOpen;
+    step++;
+    if (!isFound || halved++ < HALVINGS) continue;
+    if (depth >= THICK) break;
+    isFound = false; // it passes behind something
+    step = STEPS;
+  }
+  return vec4(place + after * way, depth < THICK ? 0.0 : 1.0);
+}
+#endif
+// Radiance along a ray: of the scene, if it is seen there, or else of what is around. spread: angle between the rays of neighbouring pixels.
+vec3 seenAlong(vec3 place, vec3 way, float rough, float spread) {
+  vec3 light = reflected(way, rough);
+#ifdef MIRRORS
+  if (showsScene) {
+    float texels = ${SIDE / 2}.0 * max(spread, 2.0 * rough * rough);
+    vec4 met = metAlong(place, way);
+    vec4 known = met.w * textureLod(mirrored, met.xyz, clamp(log2(max(texels, 1e-3)), 0.0, 6.0));
+    if (isBlack) light = vec3(0.0);
+    if (known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
+  }
 #endif
   return light;
 }
+#ifdef AT_VERTICES
+#define SPREAD_OF(way) 0.05
+#else
+#define SPREAD_OF(way) min(0.5 * length(fwidth(way)), 0.3)
+#endif
 // Specular albedo of a rough surface in even light. Source: Karis 2014, "Physically based shading on mobile".
 vec2 environmentBrdf(float nv, float rough) {
   vec4 r = rough * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
@@ -140,6 +193,11 @@ void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 ag
 #ifdef SHADOWS
 ${SHADOWS_GLSL}
 #endif
+#ifdef GLASS
+const bool isClear = true;
+#else
+const bool isClear = false;
+#endif
 const float LEAST_REFLECTED = 0.6; // part of the light that a mirror shows where the floor is in shadow
 // missed, open: as shadowsAt. diffuse: irradiance by pi. glossy: radiance. passed: part of the light that the surface does not reflect at once.
 void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, vec3 missed, vec4 open, out vec3 diffuse, out vec3 glossy, out float passed) {
@@ -147,6 +205,7 @@ void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, vec
   vec3 reflectance = mix(f0, color, metal);
   vec2 brdf = environmentBrdf(nv, rough);
   vec3 mirror = reflect(-v, n);
+  float spread = SPREAD_OF(mirror);
   // Light scattered several times between microfacets. Source: Turquin 2019, "Practical multiple scattering compensation".
   vec3 again = 1.0 + reflectance * (1.0 / max(brdf.x + brdf.y, 0.05) - 1.0);
   vec3 albedo = again * (reflectance * brdf.x + min(25.0 * reflectance, 1.0) * brdf.y);
@@ -155,7 +214,7 @@ void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, vec
   glossy = vec3(0.0);
   if (max(albedo.r, max(albedo.g, albedo.b)) > 0.0) {
     // The cube shows a surface of little reflectance itself.
-    vec3 light = max(reflectance.r, max(reflectance.g, reflectance.b)) > 0.15 ? seenAlong(place, mirror, rough) : reflected(mirror, rough);
+    vec3 light = isClear || max(reflectance.r, max(reflectance.g, reflectance.b)) > 0.15 ? seenAlong(place, mirror, rough, spread) : reflected(mirror, rough);
 #ifdef SHADOWS
     // The floor's map lacks what hides the floor, such as a thick plate below a metal: without a bound, its lower half would be black.
     if (max(reflectance.r, max(reflectance.g, reflectance.b)) > 0.1 && dot(mirror, floorPlane.xyz) < 0.0) light = max(light - missedFrom(place, mirror, rough) * smoothstep(0.0, 0.2, -dot(mirror, floorPlane.xyz)), LEAST_REFLECTED * light);
@@ -196,6 +255,7 @@ void main() {
  * are several times as many. The tone curve is the default one.
  */
 export const DENSE_VERTEX = `#version 300 es
+#define AT_VERTICES
 precision highp float;
 precision highp sampler2D;
 uniform vec3 emission;
@@ -285,14 +345,16 @@ precision highp float;
 uniform sampler2D roughMetal;
 uniform sampler2D glow;
 #endif
+#if defined(GLASS) || defined(CLEAR)
+uniform float transmission;
+uniform float ior;
+uniform bool thin;
+#endif
 #ifdef GLASS
 uniform mat4 toClip;
 uniform sampler2D behind; // what is drawn before glass, multiplied by its alpha
 uniform bool hasBehind;
-uniform float transmission;
-uniform float ior;
-uniform bool thin;
-uniform bool isBall;
+uniform bool isBall; // of solid glass
 uniform float depth; // how far behind glass is what is seen through it
 #endif
 #ifdef COAT
@@ -303,18 +365,24 @@ ${LIGHT_GLSL}
 ${KEPT}
 ${WRITE_GLSL}
 in vec3 facing;
+#if defined(GLASS) || defined(CLEAR)
+// Direction behind glass: through a ball, in and out again.
+vec3 refracted(vec3 n, vec3 v, out vec3 inside) {
+  inside = -v;
+  if (thin) return -v;
+  inside = refract(-v, n, 1.0 / ior);
+  vec3 way = refract(inside, 2.0 * dot(n, inside) * inside - n, ior);
+  return dot(way, way) < 0.5 ? inside : way;
+}
+#endif
 #ifdef GLASS
 vec3 transmitted(vec3 n, vec3 v, float rough) {
-  vec3 way = -v;
-  if (!thin) { // through a ball: in and out again
-    vec3 inside = refract(-v, n, 1.0 / ior);
-    vec3 end = n - 2.0 * dot(n, inside) * inside;
-    way = refract(inside, -end, ior);
-    if (dot(way, way) < 0.5) way = inside;
-  }
-  vec3 light = seenAlong(place, way, rough);
+  vec3 inside, from = place;
+  vec3 way = refracted(n, v, inside);
+  if (isBall) from -= depth * dot(n, inside) * inside;
+  vec3 light = seenAlong(from, way, rough, SPREAD_OF(way));
 #ifdef MIRRORS
-  if (isBall && !thin) return light; // it shows what is behind upside down
+  if (isBall && showsScene) return light; // it shows what is behind upside down
 #endif
   if (!hasBehind) return light;
   vec4 at = toClip * vec4(place + depth * way, 1.0);
@@ -355,8 +423,14 @@ void main() {
     float passed;
     shade(place, n, v, base.rgb, rough, metal, missed, open, diffuse, glossy, passed);
     vec3 body = base.rgb * diffuse;
+#ifdef CLEAR
+    vec3 inside;
+    body = mix(body, base.rgb * reflected(refracted(n, v, inside), rough), transmission);
+#endif
 #ifdef GLASS
-    body = mix(body, base.rgb * transmitted(n, v, rough), transmission);
+    // What does not leave glass at once leaves it to all sides.
+    vec3 through = thin ? transmitted(n, v, rough) : mix(irradiance[0] * 0.282095, transmitted(n, v, rough), passed);
+    body = mix(body, base.rgb * through, transmission);
 #endif
     color = passed * body + glossy;
 #ifdef COAT
