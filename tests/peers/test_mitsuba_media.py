@@ -21,7 +21,7 @@ from tests.grids import grid
 BATCHES, SPP = 8, 32
 WIDTH, HEIGHT, BLOCK = 48, 32, 8
 BIAS = 0.01  # allowed difference of blocks besides noise
-# How much brighter pictures are here: Mitsuba loses light that a shading normal scatters into its own facet (docs/correctness.md).
+# How much brighter pictures are here: Mitsuba loses light that shading normals scatter into their facets (docs/correctness.md).
 BRIGHTER = {"bumps": 0.011}
 HEAD = """<scene version="3.0.0"><integrator type="volpath"><integer name="max_depth" value="32"/></integrator>
 <medium type="homogeneous" id="fog"><rgb name="albedo" value="0.95 0.9 0.8"/><float name="sigma_t" value="0.6"/></medium>
