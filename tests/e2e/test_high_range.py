@@ -36,7 +36,7 @@ DISPLAY = """
 MOUNT = """
     const view = new m.FilmView(a.width, a.height, { cursor() {}, moved() {} });
     document.body.replaceChildren(view.element);
-    Object.assign(document.body.style, { margin: 0 });
+    Object.assign(document.body.style, { margin: 0, height: "100vh" }); // the canvases fill the parent of the stage
     Object.assign(view.element.style, { position: "fixed", inset: 0 });
     for (const canvas of view.element.children) canvas.style.position = "absolute";
     const { Film } = await import("/js/film/film.js");

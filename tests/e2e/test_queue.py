@@ -81,7 +81,7 @@ def test_shares_are_shown_and_changed(many: Service, watched: Watched) -> None:
     page = watched.page
     many.http.put("/api/shares/user:anna", json={"weight": 2, "max_slots": 8}).raise_for_status()
     page.goto(f"{many.url}/#/workers")
-    page.get_by_text("Shares").click()
+    page.get_by_role("heading", name="Shares").click()
     expect(page.get_by_label("Weight of anna")).to_have_value("2")
     expect(page.get_by_label("Slots of anna at most")).to_have_value("8")
     page.get_by_label("Weight of anna").fill("0.5")

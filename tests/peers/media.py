@@ -20,7 +20,9 @@ SKY = Environment(color=(0.2, 0.25, 0.3))
 def _case(materials: list[Material], meshes: list[Mesh], **more: object) -> Case:
     instances = [Instance(i) for i in range(len(meshes))]
     described = SceneDescription(meshes=meshes, instances=instances, materials=materials, **more)
-    return described, RenderSettings(48, 48, VIEW, max_depth=24, sampler="independent", filter="box")
+    # Mitsuba counts smooth transmission as depth.
+    settings = RenderSettings(48, 48, VIEW, max_depth=24, transmission_depth=0, sampler="independent", filter="box")
+    return described, settings
 
 
 def fog_in_a_box() -> Case:
