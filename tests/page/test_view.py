@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from protocol.pictures import EXACT, ViewTile, encode_view
 from renderer.image import rgbe9995
 from renderer.scene.readers.up_axis import ROTATIONS
 from renderer.settings import Tile
+from tests.helpers import ROOT
 from tests.page.node import Node
 from tests.service.viewer import body_of, unpacked
 
@@ -321,3 +323,21 @@ def test_image_that_waits_for_a_scene_lights_no_other_one(node: Node) -> None:
         await null;
         return lit;"""
     assert node.call("shell/light-drop", body) == [["one", "b.hdr"]]
+
+
+def test_modules_call_what_the_scripts_in_the_head_define(node: Node) -> None:
+    body = """
+        globalThis.window = {};
+        for (const name of ["again", "ahead"]) await read(`/js/shell/${name}.js`);
+        const { rayfarmAgain: again, rayfarmViews: ahead } = window;
+        delete globalThis.window;
+        return { again: Object.keys(again), ahead: Object.keys(ahead) };"""
+    defined = node.call("scene/replacement", body)
+    for module, name, call in (
+        ("main", "again", r"rayfarmAgain\.(\w+)\("),
+        ("views/showing", "again", r"\bagain\.(\w+)\("),
+        ("views/showing", "ahead", r"\bahead\.(\w+)\("),
+    ):
+        called = set(re.findall(call, (ROOT / "web" / "js" / f"{module}.js").read_text(encoding="utf-8")))
+        assert called, module
+        assert called <= set(defined[name]), module
