@@ -118,6 +118,7 @@ export class MeshCanvas {
   setMesh(mesh) {
     const { gl } = this;
     this.mesh = mesh;
+    if (!isComputable(mesh, this.chosen)) this.chosen = {}; // its own light until the chosen one arrives
     this.release();
     if (!gl || gl.isContextLost()) return; // the picture comes without a preview
     this.places = mesh.parts.map((part) => placeOf(mesh, part));

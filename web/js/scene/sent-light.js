@@ -1,7 +1,7 @@
 /** Fetches the lights for a preview mesh that the page does not have: the service knows some once a worker has read the scene with them. */
 
 import { fetchPreviewLight } from "../news/api.js";
-import { isComputable, keepLight, keyOf } from "./chosen-light.js";
+import { hasSun, isComputable, keepLight, keyOf } from "./chosen-light.js";
 
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
 
@@ -14,17 +14,20 @@ export class SentLights {
     this.scene = scene;
     this.arrived = arrived;
     this.asking = new AbortController();
+    /** @type {MeshPacket | null} */
+    this.mesh = null;
     this.wanted = "";
   }
 
   /** Fetches the light of a request, if the mesh needs it. @param {MeshPacket | null} mesh @param {Record<string, any>} request a view's */
   want(mesh, request) {
     const { environment = {}, variant, up, floor } = request;
-    const wanted = JSON.stringify([mesh?.triangles, keyOf(environment), variant, up, floor]);
-    if (wanted === this.wanted) return;
+    const wanted = JSON.stringify([keyOf(environment), variant, up, floor]);
+    if (mesh === this.mesh && wanted === this.wanted) return;
     this.dispose();
+    this.mesh = mesh;
     this.wanted = wanted;
-    if (mesh && keyOf(environment) && !isComputable(mesh, environment)) void this.ask(mesh, request, (this.asking = new AbortController()));
+    if (mesh && !hasSun(mesh) && keyOf(environment) && !isComputable(mesh, environment)) void this.ask(mesh, request, (this.asking = new AbortController()));
   }
 
   /** @param {MeshPacket} mesh @param {Record<string, any>} request @param {AbortController} asking */
@@ -48,6 +51,7 @@ export class SentLights {
 
   dispose() {
     this.asking.abort();
+    this.mesh = null;
     this.wanted = "";
   }
 }
