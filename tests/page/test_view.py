@@ -341,3 +341,18 @@ def test_modules_call_what_the_scripts_in_the_head_define(node: Node) -> None:
         called = set(re.findall(call, (ROOT / "web" / "js" / f"{module}.js").read_text(encoding="utf-8")))
         assert called, module
         assert called <= set(defined[name]), module
+
+
+def test_picture_is_not_of_the_latest_request_while_another_waits_for_the_next_frame(node: Node) -> None:
+    """Otherwise the picture of the former light would set the exposure of a new one."""
+    body = """
+        const frames = [];
+        Object.assign(globalThis, { requestAnimationFrame: (run) => frames.push(run), cancelAnimationFrame: () => {}, WebSocket: { OPEN: 1 } });
+        const link = Object.create(m.ViewLink.prototype);
+        Object.assign(link, { id: 3, pending: 0, socket: { readyState: 1 }, handlers: { asked() {} }, send() {} });
+        const found = [link.isLatest(3)];
+        link.show({ environment: { preset: "studio" } });
+        found.push(link.isLatest(3));
+        frames[0]();
+        return [...found, link.isLatest(3), link.isLatest(4)];"""
+    assert node.call("scene/view-link", body) == [True, False, False, True]
