@@ -190,6 +190,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   /** Exposes a new light as soon as the mesh shows it. */
   const exposePreview = () => {
     if (!hand.awaitsPreview || !cover.isMeshAlone) return;
+    if (mesh.isWaiting) return void mesh.ready.then(exposePreview);
     const brightness = meshBrightness(mesh);
     if (brightness) hand.adaptPreview(brightness);
   };

@@ -166,6 +166,11 @@ export class MeshCanvas {
     this.invalidate();
   }
 
+  /** Whether the mesh is not drawn yet, since it waits for its textures. */
+  get isWaiting() {
+    return this.held !== undefined;
+  }
+
   /** Waits for the textures of a mesh, for HELD_MS at most. @param {MeshPacket} mesh */
   hold(mesh) {
     clearTimeout(this.held);

@@ -1,11 +1,11 @@
-/** Fetches the lights for a preview mesh that the page does not have: the service knows some once a worker has read the scene with them. */
+/** Fetches the lights of a preview mesh that the page does not have. The service has some only once a worker has read the scene with them. */
 
 import { fetchPreviewLight } from "../news/api.js";
 import { hasSun, isComputable, keepLight, keyOf } from "./chosen-light.js";
 
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
 
-/** Interval and maximum duration, in milliseconds, of asking for a light. */
+/** Interval and maximum duration, in milliseconds, of polling for a light. */
 const [ASK_MS, ASKED_MS] = [200, 20_000];
 
 export class SentLights {
