@@ -170,6 +170,7 @@ DRAW_MIRROR = """async ([obj, mtl, lights, points = [[100, 100]]]) => {
   const mesh = new MeshCanvas(canvas);
   mesh.setMesh({ ...packet, textures: [] });
   mesh.setView({ eye: [0, 1, 4], target: [0, 0, 0], up: [0, 1, 0], fov: 40 });
+  mesh.draw(); // where WebGL is slow, a first frame does without mirrors
   const copy = new OffscreenCanvas(200, 200).getContext("2d");
   return lights.flatMap((light) => {
     mesh.relight(light);

@@ -11,7 +11,7 @@ import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
 import { FLOOR_REACH } from "./mesh-shadow-places.js";
 import { MeshShadows } from "./mesh-shadow.js";
-import { SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
+import { LIT_SAMPLE, SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
 import { aroundTexture, fillTexel, fillTexture, standInOf, tablesOf, texelTexture } from "./mesh-textures.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
@@ -68,6 +68,8 @@ export class MeshCanvas {
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** Whether frames take a tenth of a second and more. */
     this.isSlow = this.gl !== null && isSoftware(this.gl);
+    /** Whether a first frame is drawn, which does without what takes long: then mirrors show only the light around the scene. */
+    this.isFirst = false;
     /** Ends the coarse frames. @type {ReturnType<typeof setTimeout> | undefined} */
     this.settling = undefined;
     /** @type {Programs | null} */
@@ -100,13 +102,14 @@ export class MeshCanvas {
     });
   }
 
-  /** Compiles what most uploads need, before the first mesh, by drawing: many drivers compile no sooner. */
-  compile() {
+  /** Compiles what many uploads need, before the first mesh, by drawing: many drivers compile no sooner. @param {boolean} hasLamps whether it is for scenes with lamps */
+  compile(hasLamps) {
     const { gl, canvas, floor } = this;
     if (!gl || this.mesh || gl.isContextLost()) return;
     this.floor = true;
-    this.setMesh(SAMPLE);
-    this.drawMesh(clipMatrix(SAMPLE_VIEW, 1, SAMPLE.low, SAMPLE.high), SAMPLE, SAMPLE_VIEW, null, { width: canvas.width, height: canvas.height });
+    const sample = hasLamps ? LIT_SAMPLE : SAMPLE;
+    this.setMesh(sample);
+    this.drawMesh(clipMatrix(SAMPLE_VIEW, 1, SAMPLE.low, SAMPLE.high), sample, SAMPLE_VIEW, null, { width: canvas.width, height: canvas.height });
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.flush();
@@ -271,7 +274,8 @@ export class MeshCanvas {
   draw() {
     const { gl, canvas, mesh, view } = this;
     if (!gl || gl.isContextLost() || !mesh || !view || !canvas.clientWidth) return;
-    if (!canvas.dataset.drawn) this.drawCoarsely();
+    this.isFirst = this.isSlow && !canvas.dataset.drawn;
+    if (this.isFirst) this.drawCoarsely();
     const isCoarse = this.settling !== undefined;
     const ratio = Math.min(devicePixelRatio, MAX_RATIO) * (isCoarse ? COARSE_RATIO : 1);
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
@@ -321,7 +325,7 @@ export class MeshCanvas {
     const { gl, programs } = this;
     if (!gl || !programs) return;
     const light = this.prepareLight(mesh);
-    if (onPage && !kept) this.drawMirrored(mesh, view, light);
+    if (onPage && !kept && !this.isFirst) this.drawMirrored(mesh, view, light);
     const { cubes = [], drawing = null } = this.mirrored ?? {};
     const shadows = onPage && !kept && this.shadows?.isPossible ? this.shadows : null;
     const eye = drawing ? [...drawing.from, 1] : view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];

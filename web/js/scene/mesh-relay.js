@@ -31,8 +31,9 @@ export function warmMesh() {
   const before = views;
   oncePainted(() => {
     if (spare || views !== before) return;
-    spare = created();
-    spare.compile();
+    const mesh = (spare = created());
+    mesh.compile(false);
+    oncePainted(() => spare === mesh && mesh.compile(true));
   });
 }
 

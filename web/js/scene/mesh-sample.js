@@ -38,5 +38,8 @@ export const SAMPLE = {
   isStudio: true,
 };
 
+/** The same with a lamp. @type {import("../news/mesh-packet.js").MeshPacket} */
+export const LIT_SAMPLE = { ...SAMPLE, lamps: [{ at: [1, 1, 2], far: false, color: [1, 1, 1], axis: [0, 0, -1], cosines: [-2, -1] }] };
+
 /** @type {import("../base/types.js").View} */
 export const SAMPLE_VIEW = { eye: [0, 0, 3], target: [0, 0, 0], up: [0, 1, 0], fov: 40 };
