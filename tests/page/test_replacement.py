@@ -130,6 +130,26 @@ def test_light_is_fetched_for_each_mesh_without_a_sun(node: Node) -> None:
     assert node.call("scene/sent-light", body, {"light": light, "lamp": lamp}) == [[True, True], 2]
 
 
+def test_sun_that_is_dragged_is_fetched_once_at_rest(node: Node) -> None:
+    body = """
+        const usual = globalThis.fetch;
+        const fetched = [];
+        globalThis.fetch = async (url) => (fetched.push(url), new Response(JSON.stringify(a)));
+        try {
+            const mesh = { triangles: 5, environment: null, isStudio: true, lamps: [] };
+            const arriving = new Promise((resolve) => {
+                const lights = new m.SentLights("s", resolve);
+                for (const elevation of [10, 20, 30]) lights.want(mesh, { environment: { sky: { elevation, azimuth: 5 } } });
+            });
+            await Promise.race([arriving, new Promise((resolve) => setTimeout(resolve, 2000))]);
+            return fetched;
+        } finally {
+            globalThis.fetch = usual;
+        }"""
+    light = sent(np.ones((2, 4, 3)), [])
+    assert node.call("scene/sent-light", body, light) == ["api/scenes/s/preview-light?elevation=30&azimuth=5"]
+
+
 def test_light_of_the_first_request_lights_the_mesh_as_soon_as_it_arrives(node: Node) -> None:
     """The picture of the same light that is projected stays."""
     body = """

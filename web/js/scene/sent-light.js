@@ -33,6 +33,8 @@ export class SentLights {
   /** @param {MeshPacket} mesh @param {Record<string, any>} request @param {AbortController} asking */
   async ask(mesh, request, { signal }) {
     const until = performance.now() + ASKED_MS;
+    const pause = () => new Promise((resolve) => setTimeout(resolve, ASK_MS));
+    if (!request["environment"].preset) await pause(); // a worker needs as long, and a sun that is dragged is another one with each frame
     try {
       while (!signal.aborted && performance.now() < until) {
         const light = await fetchPreviewLight(this.scene, request, signal);
@@ -42,7 +44,7 @@ export class SentLights {
           this.arrived();
           return;
         }
-        await new Promise((resolve) => setTimeout(resolve, ASK_MS));
+        await pause();
       }
     } catch {
       // The samples show the light.
