@@ -66,7 +66,7 @@ export class MeshCanvas {
     /** The next frame in which shadows are computed. */
     this.refining = 0;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
-    /** Whether frames take a tenth of a second and more. */
+    /** Whether frames take a tenth of a second or more. */
     this.isSlow = this.gl !== null && isSoftware(this.gl);
     /** Whether a first frame is drawn, which does without what takes long: then mirrors show only the light around the scene. */
     this.isFirst = false;
@@ -452,7 +452,7 @@ export class MeshCanvas {
     this.mirrored = null;
   }
 
-  /** Binds what a mirror shows. @param {MeshPart} part */
+  /** Binds the cube of a mirror. Returns false if it has none. @param {MeshPart} part */
   bindMirrored(part) {
     const { gl, at, mirrored } = this;
     const cube = mirrored?.cubes.find(({ of }) => of.has(part));

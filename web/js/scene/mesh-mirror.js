@@ -28,8 +28,8 @@ const [MOST_OWN, MOST_TRIANGLES] = [4, 100_000];
 export const isMirror = ({ metallic, roughness, f0, transmission }) => transmission > 0 || (roughness < ROUGH && (metallic > 0.5 || Math.max(...f0) > REFLECTS));
 
 /**
- * Returns which mirrors share a cube, and where it is drawn from: the largest have cubes of their own, so that what is near is in its
- * place and they show each other; the others share one that is drawn from the middle of the scene.
+ * Assigns mirrors to cubes. The largest have cubes of their own, drawn from their middles, so that near surfaces are in their places and
+ * these mirrors show each other; the others share one that is drawn from the middle of the scene.
  *
  * @template {{middle: Vec3, size: number}} Mirror
  * @param {Mirror[]} mirrors
