@@ -171,7 +171,7 @@ def preview(id: str, request: Request, farm: FarmDependency) -> Response:
 
 @router.get("/{id}/preview-light", response_model=PreviewLightOut | None)
 def light(id: str, farm: FarmDependency, chosen: Annotated[PreviewLightIn, Query()]) -> PreviewLightOut | None:
-    """Returns the light of the preview mesh in another environment; null until a worker has prepared the scene for a view with it.
+    """Returns the light of the preview mesh in another environment; null until a worker has prepared a view with it.
 
     Presets without a sun need no worker. The fields may change with each release.
     """

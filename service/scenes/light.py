@@ -34,8 +34,8 @@ class PreviewLight(NamedTuple):
 def preview_light(scene: str, request: Mapping[str, Any], farm: Farm) -> PreviewLight | None:
     """Returns the light of a scene with the request's `environment`, `variant`, `up` and `floor`, neither turned nor scaled.
 
-    Presets without a sun are tabulated. Other lights are those that a worker has read for a view; None until then, and if its file
-    cannot be decoded.
+    Presets without a sun are tabulated. Other lights are those that a worker has read for a view; None until then, and if its
+    file cannot be decoded.
     """
     base = find_scene(scene, farm)
     preset = (request.get("environment") or {}).get("preset")

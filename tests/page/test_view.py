@@ -347,7 +347,8 @@ def test_picture_is_not_of_the_latest_request_while_another_waits_for_the_next_f
     """Otherwise the picture of the former light would set the exposure of a new one."""
     body = """
         const frames = [];
-        Object.assign(globalThis, { requestAnimationFrame: (run) => frames.push(run), cancelAnimationFrame: () => {}, WebSocket: { OPEN: 1 } });
+        const requestAnimationFrame = (run) => frames.push(run);
+        Object.assign(globalThis, { requestAnimationFrame, cancelAnimationFrame: () => {}, WebSocket: { OPEN: 1 } });
         const link = Object.create(m.ViewLink.prototype);
         Object.assign(link, { id: 3, pending: 0, socket: { readyState: 1 }, handlers: { asked() {} }, send() {} });
         const found = [link.isLatest(3)];

@@ -110,7 +110,7 @@ export class ViewLink extends LastingSocket {
     this.seen();
   }
 
-  /** Whether a picture is of the view that is requested now, and no other is about to be. @param {number | null} id of the picture's view */
+  /** Whether a picture is of the view that is requested now, and no other is about to be. @param {number | null | undefined} id of the picture's view */
   isLatest(id) {
     return id === this.id && !this.pending;
   }
