@@ -40,6 +40,9 @@ const ROUND = 0.9;
 /** Roughness of glass from which what is behind it is blurred. */
 const BLURRED = 0.05;
 
+/** Triangles of a mesh whose first frame has shadows also without a graphics card: these draw all of them eight times. */
+const SHADOWED_AT_ONCE = 100_000;
+
 export class MeshCanvas {
   /** @param {HTMLCanvasElement} canvas as large as its box */
   constructor(canvas) {
@@ -68,7 +71,7 @@ export class MeshCanvas {
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** Whether frames take a tenth of a second or more. */
     this.isSlow = this.gl !== null && isSoftware(this.gl);
-    /** Whether a first frame is drawn, which does without what takes long: then mirrors show only the light around the scene. */
+    /** Whether a first frame is drawn, which does without what takes long: mirrors show only the light around the scene, and large meshes have no shadows. */
     this.isFirst = false;
     /** Ends the coarse frames. @type {ReturnType<typeof setTimeout> | undefined} */
     this.settling = undefined;
@@ -327,7 +330,8 @@ export class MeshCanvas {
     const light = this.prepareLight(mesh);
     if (onPage && !kept && !this.isFirst) this.drawMirrored(mesh, view, light);
     const { cubes = [], drawing = null } = this.mirrored ?? {};
-    const shadows = onPage && !kept && this.shadows?.isPossible ? this.shadows : null;
+    const isQuick = this.isFirst && mesh.triangles > SHADOWED_AT_ONCE;
+    const shadows = onPage && !kept && !isQuick && this.shadows?.isPossible ? this.shadows : null;
     const eye = drawing ? [...drawing.from, 1] : view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
     const isDefaultCurve = this.look.curve === curveIndex(DEFAULT_CURVE);
     /** @type {import("./mesh-program.js").Feature[]} */
