@@ -105,9 +105,10 @@ export function exposureHand(film) {
       return chosenBy === "light" || chosenBy === "preview";
     },
 
-    /** Chooses the exposure for the preview of a new light. @param {Brightness} brightness */
+    /** Chooses the exposure for the preview of a new light. @param {Brightness | null} brightness null: it is black, so the picture chooses */
     adaptPreview(brightness) {
       chosenBy = "preview";
+      if (!brightness) return;
       set(autoExposure(brightness));
       setAuto(true);
     },

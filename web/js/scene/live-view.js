@@ -191,8 +191,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const exposePreview = () => {
     if (!hand.awaitsPreview || !cover.isMeshAlone) return;
     if (mesh.isWaiting) return void mesh.ready.then(exposePreview);
-    const brightness = meshBrightness(mesh);
-    if (brightness) hand.adaptPreview(brightness);
+    hand.adaptPreview(meshBrightness(mesh)); // once: measuring draws another frame
   };
 
   /** The latest requests, by their ids. @type {Map<number, Requested>} */

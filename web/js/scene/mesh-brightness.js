@@ -8,7 +8,7 @@ import { DEFAULT_CURVE, undisplayed } from "../film/tonemap.js";
 const [LEAST, MOST, STEP, TRIES] = [0.02, 4, 16, 4];
 
 /**
- * Returns the brightness of a preview mesh with its floor and backdrop, as Film.brightness does; null if it is not drawn yet.
+ * Returns the brightness of a preview mesh with its floor and backdrop, as Film.brightness does; null if it is black or cannot be drawn.
  *
  * @param {import("./mesh-canvas.js").MeshCanvas} mesh visible on the page
  */
