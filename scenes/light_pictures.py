@@ -16,7 +16,7 @@ from worker.reading.environments import small_picture
 FOLDER = Path(__file__).parent.parent / "service" / "light_pictures"
 WIDTH = 160
 RADIANCE = FOLDER / "radiance.npz"
-ROWS = 64  # of its tables, as of a preview mesh
+ROWS = 64  # of a table, as of a preview mesh's environment
 
 
 def radiance(name: str) -> np.ndarray:
@@ -48,7 +48,7 @@ def _with_sun(sky: Sky) -> np.ndarray:
 
 
 def table(name: str) -> np.ndarray:
-    """Returns the radiance of a preset that is no sky, which is grey: (64, 128) float16."""
+    """Returns the radiance, which is grey, of a preset that is not a sky: (64, 128) float16."""
     image = preset_image(name)[..., 0]
     step = len(image) // ROWS
     return image.reshape(ROWS, step, 2 * ROWS, step).mean((1, 3)).astype(np.float16)

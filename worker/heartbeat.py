@@ -91,7 +91,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self.has_come = False
         self.is_paused = False
         self.served: tuple[str, ...] = ()  # requirement queues being consumed
-        self.logged_error = ""  # the last logged error
+        self.logged_error = ""  # the latest
         self.timer: Any = None
         self.idle_since = time.monotonic()
         self.vitals_sent = -math.inf  # time when vitals were last sent

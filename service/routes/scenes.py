@@ -171,9 +171,9 @@ def preview(id: str, request: Request, farm: FarmDependency) -> Response:
 
 @router.get("/{id}/preview-light", response_model=PreviewLightOut | None)
 def light(id: str, farm: FarmDependency, chosen: Annotated[PreviewLightIn, Query()]) -> PreviewLightOut | None:
-    """Returns the light of the preview mesh in another environment: of a preset without a sun at once, else once a view needs it.
+    """Returns the light of the preview mesh in another environment; null until a worker has prepared a view with it.
 
-    null until then. Its fields may change with each release.
+    Presets without a sun need no worker. The fields may change with each release.
     """
     found = preview_light(id, chosen.request, farm)
     if found is None:

@@ -1,4 +1,4 @@
-"""The light that a request chooses for a scene, for its preview mesh, which the page draws before there are samples."""
+"""Lights that requests choose for a scene, for its preview mesh, which the page draws before there are samples."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class PreviewLight(NamedTuple):
 def preview_light(scene: str, request: Mapping[str, Any], farm: Farm) -> PreviewLight | None:
     """Returns the light of a scene with the request's `environment`, `variant`, `up` and `floor`, neither turned nor scaled.
 
-    Those of presets without a sun are known; others once a worker has read the scene with them, which a view requests. None until
-    then.
+    Presets without a sun are tabulated. Other lights are those that a worker has read for a view; None until then, and if its
+    file cannot be decoded.
     """
     base = find_scene(scene, farm)
     preset = (request.get("environment") or {}).get("preset")
@@ -48,7 +48,10 @@ def preview_light(scene: str, request: Mapping[str, Any], farm: Farm) -> Preview
     # Workers of earlier releases kept the preview of the scene's own light.
     if row is None or ref is None or (row.of is not None and ref == (base.info or {}).get("preview")):
         return None
-    head, words, lamps = decode_light(farm.blobs.serve(ref["sha256"]).chunks)
+    try:
+        head, words, lamps = decode_light(farm.blobs.serve(ref["sha256"]).chunks)
+    except (KeyError, TypeError, ValueError):  # a worker's file is untrusted
+        return None
     return PreviewLight(head.width, head.height, words, lamps)
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from renderer.image import rgbe9995
 from renderer.image.darkness import darkness
+from renderer.image.tonemap import apply
 from tests.page.node import Node
 
 
@@ -23,6 +24,13 @@ def test_dark_film_is_detected_as_in_python(node: Node, scale: float) -> None:
     assert (found is None) == (wanted is None)
     if wanted is not None:
         assert found == {"brightest": pytest.approx(wanted.brightest, rel=1e-3), "exposure": wanted.exposure}
+
+
+def test_radiance_of_displayed_pixels_is_that_of_the_default_curve(node: Node) -> None:
+    """Eight bits state it to 3 %, except near white and black."""
+    colors = np.random.default_rng(7).uniform(0.05, 1.2, (200, 3)).astype(np.float32)
+    found = node.call("film/tonemap", "return a.map(m.undisplayed);", apply(colors).tolist())
+    np.testing.assert_allclose(found, colors, rtol=0.03, atol=0.01)
 
 
 def lit(parts: dict[float, float]) -> list[int]:

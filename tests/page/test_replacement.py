@@ -89,16 +89,99 @@ def test_sent_light_is_that_of_the_mesh_turned_and_scaled(node: Node) -> None:
         m.keepLight(mesh, chosen, a.light);
         const { environment, lamps } = m.chosenLight(mesh, chosen);
         const others = [{ sky: { elevation: 30 } }, { preset: "studio" }].map((other) => m.isComputable(mesh, other));
-        const sunny = { environment: {}, isStudio: false, lamps: [{ ...a.lamp, far: true }] };
-        m.keepLight(sunny, chosen, a.light);
-        return [before, others, m.isComputable(sunny, chosen), [...environment.texels], lamps];"""
+        return [before, others, [...environment.texels], lamps];"""
     light = {"lamp": lamp, "light": sent(sky, [lamp, sun])}
-    before, others, with_own_sun, texels, lamps = node.call("scene/chosen-light", body, light)
-    assert [before, *others, with_own_sun] == [False] * 4
+    before, others, texels, lamps = node.call("scene/chosen-light", body, light)
+    assert [before, *others] == [False] * 3
     np.testing.assert_allclose(np.reshape(texels, (4, 8, 3)), 2 * np.roll(sky, -2, axis=1), atol=0.01)
     assert lamps[0] == lamp
     assert lamps[1]["color"] == [6, 4, 2]
     np.testing.assert_allclose(lamps[1]["at"], [-0.8, 0.6, 0], atol=1e-6)
+
+
+def test_light_is_fetched_for_each_mesh_without_a_sun(node: Node) -> None:
+    """The service's mesh replaces the page's own, and often has as many triangles."""
+    body = """
+        const { isComputable } = await read("/js/scene/chosen-light.js");
+        const usual = globalThis.fetch;
+        let fetched = 0;
+        globalThis.fetch = async () => (fetched++, new Response(JSON.stringify(a.light)));
+        try {
+            const mesh = () => ({ triangles: 5, environment: null, isStudio: true, lamps: [] });
+            const sunny = { ...mesh(), environment: {}, lamps: [{ ...a.lamp, far: true }] };
+            const request = { environment: { preset: "studio" } };
+            let arrived = () => {};
+            const lights = new m.SentLights("s", () => arrived());
+            const found = [];
+            for (const each of [mesh(), mesh()]) {
+                const arriving = new Promise((resolve) => (arrived = resolve));
+                for (let i = 0; i < 2; i++) lights.want(each, request);
+                await Promise.race([arriving, new Promise((resolve) => setTimeout(resolve, 1000))]);
+                found.push(isComputable(each, request.environment));
+            }
+            lights.want(sunny, request);
+            await new Promise((resolve) => setTimeout(resolve));
+            return [found, fetched];
+        } finally {
+            globalThis.fetch = usual;
+        }"""
+    lamp = {"at": [0, 1, 0], "color": [1, 1, 1], "axis": [0, 0, 0], "cosines": [-2, -1]}
+    light = sent(np.ones((2, 4, 3)), [])
+    assert node.call("scene/sent-light", body, {"light": light, "lamp": lamp}) == [[True, True], 2]
+
+
+def test_sun_that_is_dragged_is_fetched_once_at_rest(node: Node) -> None:
+    body = """
+        const usual = globalThis.fetch;
+        const fetched = [];
+        globalThis.fetch = async (url) => (fetched.push(url), new Response(JSON.stringify(a)));
+        try {
+            const mesh = { triangles: 5, environment: null, isStudio: true, lamps: [] };
+            const arriving = new Promise((resolve) => {
+                const lights = new m.SentLights("s", resolve);
+                for (const elevation of [10, 20, 30]) lights.want(mesh, { environment: { sky: { elevation, azimuth: 5 } } });
+            });
+            await Promise.race([arriving, new Promise((resolve) => setTimeout(resolve, 2000))]);
+            return fetched;
+        } finally {
+            globalThis.fetch = usual;
+        }"""
+    light = sent(np.ones((2, 4, 3)), [])
+    assert node.call("scene/sent-light", body, light) == ["api/scenes/s/preview-light?elevation=30&azimuth=5"]
+
+
+def test_light_of_the_first_request_lights_the_mesh_as_soon_as_it_arrives(node: Node) -> None:
+    """The picture of the same light that is projected stays."""
+    body = """
+        const { RequestedScene } = await read("/js/scene/requested-scene.js");
+        const requested = new RequestedScene();
+        requested.take({ environment: { preset: "studio" } });
+        let isHere = false;
+        const calls = [];
+        const mesh = { mesh: {}, kept: {}, canvas: { hidden: false }, relight: () => (calls.push("relight"), isHere) };
+        const projection = { isOn: true, fade: () => calls.push("fade") };
+        const cover = Object.create(m.Cover.prototype, { isInstead: { value: true } });
+        Object.assign(cover, { requested, mesh, projection, isDisposed: false, laid: () => calls.push("laid") });
+        cover.isMeshTrue = cover.lightMesh();
+        isHere = true;
+        cover.relight();
+        return [cover.isMeshTrue, calls];"""
+    assert node.call("scene/cover", body) == [True, ["relight", "relight", "laid"]]
+
+
+def test_mesh_that_lacks_the_chosen_light_is_not_drawn_black(node: Node) -> None:
+    body = """
+        const { keepLight } = await read("/js/scene/chosen-light.js");
+        const chosen = { preset: "studio" };
+        const [lit, other] = [0, 1].map(() => ({ environment: null, isStudio: true, lamps: [] }));
+        keepLight(lit, chosen, a);
+        return [lit, other].map((mesh) => {
+            const canvas = Object.create(m.MeshCanvas.prototype, { gl: { value: null } });
+            Object.assign(canvas, { chosen, kept: null });
+            canvas.setMesh(mesh);
+            return canvas.chosen;
+        });"""
+    assert node.call("scene/mesh-canvas", body, sent(np.ones((2, 4, 3)), [])) == [{"preset": "studio"}, {}]
 
 
 def test_chosen_light_is_turned_and_scaled_and_unknown_if_the_page_cannot_compute_it(node: Node) -> None:

@@ -112,6 +112,15 @@ def test_expected_time_is_held_until_a_better_measurement_differs(
         assert fresh.call("forms/expected-time", body, series) == [times, True]
 
 
+def test_measurements_that_another_release_stored_are_ignored(program: str) -> None:
+    body = """
+        localStorage.setItem("rayfarm-costs", "{}");
+        const { expected } = await read("/js/forms/expected-time.js");
+        return expected({ id: "s", measured: null }, [], 1, 1);"""
+    with Node(program, "en-GB") as fresh:
+        assert fresh.call("base/format", body) == {"seconds": None, "noise": None}
+
+
 def test_scene_size_is_formatted_briefly(node: Node) -> None:
     extents = node.call("base/format", "return a.map(m.extent);", [[4, 3, 2.54321], [4e5, 3e5, 12], [0, 0, 0], [2e-5, 0, 1e-7]])
     assert extents == ["4 × 3 × 2.54", "4 × 3 × 0.00012 · 10⁵", "0 × 0 × 0", "2 × 0 × 0.01 · 10⁻⁵"]

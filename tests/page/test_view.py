@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from protocol.pictures import EXACT, ViewTile, encode_view
 from renderer.image import rgbe9995
 from renderer.scene.readers.up_axis import ROTATIONS
 from renderer.settings import Tile
+from tests.helpers import ROOT
 from tests.page.node import Node
 from tests.service.viewer import body_of, unpacked
 
@@ -321,3 +323,37 @@ def test_image_that_waits_for_a_scene_lights_no_other_one(node: Node) -> None:
         await null;
         return lit;"""
     assert node.call("shell/light-drop", body) == [["one", "b.hdr"]]
+
+
+def test_modules_call_what_the_scripts_in_the_head_define(node: Node) -> None:
+    body = """
+        globalThis.window = {};
+        for (const name of ["again", "ahead"]) await read(`/js/shell/${name}.js`);
+        const { rayfarmAgain: again, rayfarmViews: ahead } = window;
+        delete globalThis.window;
+        return { again: Object.keys(again), ahead: Object.keys(ahead) };"""
+    defined = node.call("scene/replacement", body)
+    for module, name, call in (
+        ("main", "again", r"rayfarmAgain\.(\w+)\("),
+        ("views/showing", "again", r"\bagain\.(\w+)\("),
+        ("views/showing", "ahead", r"\bahead\.(\w+)\("),
+    ):
+        called = set(re.findall(call, (ROOT / "web" / "js" / f"{module}.js").read_text(encoding="utf-8")))
+        assert called, module
+        assert called <= set(defined[name]), module
+
+
+def test_picture_is_not_of_the_latest_request_while_another_waits_for_the_next_frame(node: Node) -> None:
+    """Otherwise the picture of the former light would set the exposure of a new one."""
+    body = """
+        const frames = [];
+        const requestAnimationFrame = (run) => frames.push(run);
+        Object.assign(globalThis, { requestAnimationFrame, cancelAnimationFrame: () => {}, WebSocket: { OPEN: 1 } });
+        const link = Object.create(m.ViewLink.prototype);
+        Object.assign(link, { id: 3, pending: 0, socket: { readyState: 1 }, handlers: { asked() {} }, send() {} });
+        const found = [link.isLatest(3)];
+        link.show({ environment: { preset: "studio" } });
+        found.push(link.isLatest(3));
+        frames[0]();
+        return [...found, link.isLatest(3), link.isLatest(4)];"""
+    assert node.call("scene/view-link", body) == [True, False, False, True]

@@ -82,7 +82,7 @@ const code = takeCode();
 const must = await mustLogIn();
 if (code !== null || must) {
   /** @type {HTMLElement} */ (document.getElementById("topbar")).hidden = true;
-  /** @type {any} */ (window).rayfarmAgain.stands();
+  /** @type {any} */ (window).rayfarmAgain.viewShown();
   fill(main, loginView(code).element);
 } else {
   if (session.value.login) await loadProjects();

@@ -118,9 +118,10 @@ def test_light_of_a_preview_is_that_of_the_scene_that_a_view_has_prepared(servic
     one = PreviewMesh(np.zeros((1, 3)), np.zeros((1, 3), np.float32), np.zeros((1, 4), np.uint8), np.zeros((0, 3), np.uint32))
     url = f"/api/scenes/{scene}/preview-light"
 
-    def store(id: str, mesh: PreviewMesh) -> None:
+    def store(id: str, mesh: PreviewMesh, missing: int = 0) -> None:
         writer = service.farm.blobs.writer()
-        writer.write(encode_mesh(mesh))
+        packet = encode_mesh(mesh)
+        writer.write(packet[: len(packet) - missing])
         ref = {"path": "", "sha256": writer.commit(), "size": writer.size, "parts": []}
         with service.farm.sessions.begin() as session:
             row = session.get_one(SceneRow, id)
@@ -129,6 +130,8 @@ def test_light_of_a_preview_is_that_of_the_scene_that_a_view_has_prepared(servic
     studio = service.http.get(url, params={"preset": "studio"}).json()
     assert (studio["width"], studio["height"], studio["lamps"]) == (128, 64, [])
     problem(service.http.get(url, params={"preset": "moon"}), 422)
+    problem(service.http.get(url, params={"image": "1"}), 422)
+    problem(service.http.get("/api/scenes/1/preview-light", params={"preset": "studio"}), 404)
     asked = {"elevation": 30, "azimuth": 60}
     assert service.http.get(url, params=asked).json() is None
     lit = service.farm.lighting.row(scene, {"environment": {"sky": asked}}).id
@@ -140,6 +143,8 @@ def test_light_of_a_preview_is_that_of_the_scene_that_a_view_has_prepared(servic
     words = np.frombuffer(base64.b64decode(found["words"]), "<u4").reshape(2, 4)
     np.testing.assert_allclose(rgbe9995.unpack(words), sky, atol=2e-3)
     assert found["lamps"] == [{**sun._asdict(), "at": [0, 1, 0], "color": [1, 1, 1], "axis": [0, 0, 0], "cosines": [-2, -1]}]
+    store(lit, one._replace(environment=sky), missing=9)
+    assert service.http.get(url, params=asked).json() is None
 
 
 def test_long_url_is_not_echoed(service: Service) -> None:

@@ -1,4 +1,4 @@
-/** How bright a picture is: what its exposure is chosen by. */
+/** Measures the brightness of a picture, by which its exposure is chosen. */
 
 /**
  * white, bright, high: radiances that all but the brightest 0.5 %, 3 % and 10 % of the pixels stay below (WHITE_QUANTILE, BRIGHT_QUANTILE,
@@ -8,20 +8,22 @@
  * @typedef {{white: number, bright: number, high: number, key: number}} Brightness
  */
 
-/** Approximate number of pixels whose brightness is looked at: enough for a percentile, and a few milliseconds. */
-const LOOKED_AT = 25_000;
+/** Approximate number of pixels that are measured: enough for a percentile, in a few milliseconds. */
+const MEASURED = 25_000;
 /** The brightest 0.5 % (lamps, fireflies) may clip. The brightest 3 % are lit surfaces where there is sun, the brightest tenth a window or a sky. */
 const [WHITE_QUANTILE, BRIGHT_QUANTILE, HIGH_QUANTILE] = [0.995, 0.97, 0.9];
 /** Luminance, as a fraction of the HIGH_QUANTILE, below which a pixel is background or deep shadow and does not count in the key. */
 const SHADOW = 2 ** -8;
 
 /**
- * @param {number} pixels
+ * Returns the brightness of a picture.
+ *
+ * @param {number} pixels their number
  * @param {(pixel: number) => [number, number, number] | null} at returns the radiance of a pixel; null: it does not count
  * @returns {Brightness}
  */
 export function brightnessOf(pixels, at) {
-  const stride = Math.max(1, Math.floor(pixels / LOOKED_AT));
+  const stride = Math.max(1, Math.floor(pixels / MEASURED));
   const most = Math.ceil(pixels / stride);
   const [allPeaks, allLuminances] = [new Float32Array(most), new Float32Array(most)];
   let n = 0;

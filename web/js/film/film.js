@@ -7,6 +7,7 @@ import { decode } from "./rgb9e5.js";
 
 /** Place of an RGB9E5 word's exponent, which is 0 for colours below 2^-15. */
 const EXPONENT_SHIFT = 27;
+
 export class Film {
   /**
    * @param {number} width
@@ -120,7 +121,7 @@ export class Film {
     return { rgb: decode(this.words[i] ?? 0), samples: this.samples[i] ?? 0 };
   }
 
-  /** How bright it is. A transparent background does not count. */
+  /** Returns its brightness. A transparent background does not count. */
   brightness() {
     return brightnessOf(this.words.length, (i) => (!this.samples[i] || this.coverage?.[i] === 0 ? null : decode(this.words[i] ?? 0)));
   }

@@ -87,11 +87,11 @@ ${CURVES.map(({ name }, i) => `  if (curve == ${i}) return srgbEncode(${name}(c)
 }
 `;
 
-/** What Khronos PBR Neutral keeps, and how it desaturates: as in TONEMAP_GLSL. */
+/** Peak from which Khronos PBR Neutral compresses, and its desaturation: as in TONEMAP_GLSL. */
 const [START, DESATURATION] = [0.8 - 0.04, 0.15];
 
 /**
- * Returns the exposed radiance of a pixel that the default curve displays, its inverse. White is taken for the least radiance that it is.
+ * Returns the exposed radiance of a displayed pixel: the inverse of the default curve. White gives the least radiance that is displayed as white.
  *
  * @param {number[]} displayed sRGB, 0 to 255
  * @returns {[number, number, number]} linear

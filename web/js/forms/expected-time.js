@@ -16,7 +16,7 @@ const APART = 1.5;
 const KEY = "rayfarm-costs";
 const MOST_SCENES = 100;
 
-/** Seconds of a slot for a sample of a pixel. isFinal: by the scene's pictures, else by a view of it. @typedef {{cost: number, isFinal: boolean}} Measurement */
+/** cost: seconds of a slot for a sample of a pixel. isFinal: measured by the scene's pictures, else by a view of it. @typedef {{cost: number, isFinal: boolean}} Measurement */
 
 /** Returns the measurement to hold after another one. @param {Measurement | undefined} held @param {Measurement | null} next @returns {Measurement | undefined} */
 function better(held, next) {
@@ -27,8 +27,8 @@ function better(held, next) {
 }
 
 /**
- * Returns what a scene's pictures tell of its cost, or the workers' speeds while they render a view; null: nothing, as while they
- * compile. At other times the speeds are those of any scene.
+ * Returns the measurement by a scene's pictures, or else by the workers' speeds while they render a view; null: there is none, as while
+ * they compile. At other times the speeds are those of any scene.
  *
  * @param {Scene} scene
  * @param {Worker[]} workers
@@ -44,14 +44,14 @@ function measurementOf(scene, workers) {
 }
 
 /** The measurements that are held, by scene, also for the next time that the page is opened. @type {Map<string, Measurement>} */
-const known = new Map(stored());
+const known = stored();
 
-/** @returns {[string, Measurement][]} */
+/** @returns {Map<string, Measurement>} */
 function stored() {
   try {
-    return JSON.parse(localStorage.getItem(KEY) ?? "[]");
+    return new Map(JSON.parse(localStorage.getItem(KEY) ?? "[]"));
   } catch {
-    return []; // storage is blocked, or was written by another release
+    return new Map(); // storage is blocked, or was written by another release
   }
 }
 

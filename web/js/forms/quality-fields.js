@@ -8,7 +8,7 @@ import { CUSTOM, QUALITIES } from "./render-presets.js";
 import { numberFor } from "./setting-field.js";
 import { addSlider } from "./slider.js";
 import { known, settingOf } from "../news/settings-table.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /**
  * Expected seconds on this farm and relative noise for a sample count; null if unknown.
@@ -52,9 +52,9 @@ export function qualityFields(defaults, changed, expect) {
       const samples = preset ?? get();
       const { seconds, noise } = expect(samples);
       setText(costs, seconds === null ? String(samples) : t("~{time}", { time: expectedText(seconds) }));
-      element.title = [t("{n} samples", { n: samples }), noise === null ? "" : t("{noise} noise", { noise: noiseText(noise) })].filter(Boolean).join(" · ");
+      element.title = [tn(samples, "{n} sample", "{n} samples", { n: samples }), noise === null ? "" : t("{noise} noise", { noise: noiseText(noise) })].filter(Boolean).join(" · ");
     }
-    setText(quality.aside, t("{n} samples", { n: get() }));
+    setText(quality.aside, tn(get(), "{n} sample", "{n} samples", { n: get() }));
   };
   spp.addEventListener("input", () => changed());
 

@@ -39,7 +39,7 @@ const LAST_SAMPLE = 1048575;
 const listed = (values) => (values ? values.map((value) => (value == null ? "–" : radiance(value))).join("  ") : "–");
 /** @param {number[]} a @param {number[]} b */
 const sum = (a, b) => a.map((value, i) => value + (b[i] ?? 0));
-/** @param {number} n per pixel */
+/** Returns a number of samples per pixel in words. @param {number} n */
 const samplesText = (n) => tn(n, "{n} sample", "{n} samples", { n: count(n) });
 /** @param {number} share */
 const percent = (share) => `${Number((share * 100).toPrecision(3))} %`;

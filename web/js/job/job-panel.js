@@ -230,7 +230,7 @@ export function actionsPanel() {
       resume.hidden = !STOPPED.includes(job.state);
       cancel.hidden = !open;
       more.hidden = job.state === "failed";
-      setText(number, t("{n} samples", { n: count(asManyAgain(job)) }));
+      setText(number, tn(asManyAgain(job), "{n} sample", "{n} samples", { n: count(asManyAgain(job)) }));
       const isKnown = job.state === "finished" && !job.taken && job.active_s >= 1 && asManyAgain(job) === job.spp;
       more.title = [adds, isKnown && t("Takes {time}, as this picture did.", { time: roughly(job.active_s) })].filter(Boolean).join(". ");
       // Moves the focus if the pressed button disappears.

@@ -14,7 +14,7 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 /** @typedef {import("../film/light-mix.js").Strip} Strip */
 
-/** Whether a job's picture has lights that can be mixed, or would have them if it were rendered again. False until the scenes are listed, if it has none. @param {import("../base/types.js").Job} job */
+/** Returns whether a job's picture has lights to mix, or would have them if it were rendered again, which is known once the scenes are listed. @param {import("../base/types.js").Job} job */
 export function canMixLights(job) {
   const scene = scenes.value?.find(({ id }) => id === job.scene);
   return lightGroups(job.settings).length > 0 || (scene?.light_groups ?? []).length > 0;

@@ -10,7 +10,7 @@ import { percent, radiance, stops } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { announce } from "../shell/tray.js";
 import { toolWord } from "./picture-tools.js";
-import { grouped, t } from "../base/words.js";
+import { grouped, t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 /** A pixel, or an area with its size. @typedef {{x: number, y: number, w?: number, h?: number}} Pin */
@@ -233,7 +233,7 @@ function ratioWords(light, first) {
  */
 async function readingOfPixel(live, { x, y }, signal) {
   const { color, samples, object_name } = await getPixel(live, x, y, signal);
-  return { light: /** @type {number[]} */ (color), about: "", title: `${t("{n} samples", { n: samples })}${object_name ? `, ${object_name}` : ""}` };
+  return { light: /** @type {number[]} */ (color), about: "", title: `${tn(samples, "{n} sample", "{n} samples", { n: samples })}${object_name ? `, ${object_name}` : ""}` };
 }
 
 /** @param {import("../film/film.js").Film} film @param {Pin} pin @returns {Reading} */

@@ -242,14 +242,14 @@ export const getJoining = () => call("GET", "/joining");
 /** @type {Promise<Info> | null} */
 let info = null;
 
-/** Fetches what the service accepts, which may be another release after an interruption. @returns {Promise<Info>} */
+/** Fetches the formats and settings that the service accepts, which another release may have changed. @returns {Promise<Info>} */
 export function renewInfo() {
   const asked = (info = call("GET", "/info"));
   asked.catch(() => info === asked && (info = null));
   return asked;
 }
 
-/** Returns what the service accepts, as it was fetched last. @returns {Promise<Info>} */
+/** Returns them as they were fetched last. @returns {Promise<Info>} */
 export const getInfo = () => info ?? renewInfo();
 
 /** @returns {Promise<Example[]>} */

@@ -68,8 +68,5 @@ export async function readLocally(files, refused, main) {
 /** Keeps the mesh of an uploaded scene. @param {string} scene its id @param {Promise<LocalMesh | null>} mesh */
 export const keepLocal = (scene, mesh) => (latest = { scene, mesh });
 
-/** Whether a scene is the latest upload of this page. @param {string} scene its id */
-export const isLocal = (scene) => latest?.scene === scene;
-
 /** Returns the mesh that was read locally for a scene. @param {string} scene its id @returns {Promise<LocalMesh | null>} */
 export const localMeshOf = async (scene) => (latest?.scene === scene ? latest.mesh : null);

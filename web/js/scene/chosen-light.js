@@ -14,15 +14,14 @@ import { studio, unpacked } from "./mesh-environment.js";
 /** The lights that the service has sent, by mesh and keyOf; lamps: those besides the mesh's. @type {WeakMap<MeshPacket, Map<string, MeshLight>>} */
 const sent = new WeakMap();
 
-/** Returns the source of a chosen light as JSON; "": the page has it. @param {EnvironmentRequest} chosen */
+/** Returns the source of a chosen light as JSON; "" for the scene's own light and one colour, which the page has. @param {EnvironmentRequest} chosen */
 export const keyOf = ({ preset, sky, image }) => (preset || sky || image ? JSON.stringify([preset, sky, image]) : "");
 
-/** Whether a mesh has a sun of its own, which goes with its environment. @param {MeshPacket} mesh */
-const hasSun = (mesh) => mesh.environment !== null && mesh.lamps.some(({ far }) => far);
+/** Returns whether a mesh has a sun of its own, which goes with its environment: which of its lamps remain in another one is not known. @param {MeshPacket} mesh */
+export const hasSun = (mesh) => mesh.environment !== null && mesh.lamps.some(({ far }) => far);
 
-/** Keeps a light for a mesh. @param {MeshPacket} mesh @param {EnvironmentRequest} chosen @param {SentLight} light */
+/** Stores a light for a mesh without a sun of its own. @param {MeshPacket} mesh @param {EnvironmentRequest} chosen @param {SentLight} light */
 export function keepLight(mesh, chosen, { width, height, words, lamps }) {
-  if (hasSun(mesh)) return; // which of its lamps remain is not known
   const bytes = Uint8Array.from(atob(words), (each) => each.charCodeAt(0));
   const view = new DataView(bytes.buffer);
   const texels = new Float32Array(3 * width * height);

@@ -235,9 +235,10 @@ export class Cover {
 
   /** Takes note that the light of the latest request has arrived. */
   relight() {
-    if (this.isDisposed || this.isMeshTrue) return;
+    if (this.isDisposed) return;
+    const wasTrue = this.isMeshTrue;
     this.isMeshTrue = this.lightMesh();
-    this.showLight();
+    if (!wasTrue) this.showLight();
     this.laid();
   }
 

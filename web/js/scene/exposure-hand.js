@@ -15,7 +15,7 @@ import { DEFAULT_CURVE } from "../film/tonemap.js";
 /** Stops at the ends of the exposure's slider, unless it is set beyond, and at most. */
 const [USUAL_STOPS, MOST_STOPS] = [6, 16];
 
-/** Stops by which the preview mesh may be exposed otherwise than its picture would be: a jump is worse. */
+/** Difference in stops up to which the exposure that the preview mesh set is kept for its picture, since a jump is worse. */
 const APART = 0.5;
 
 /** @param {() => import("../film/film.js").Film} film the one that is shown */
@@ -42,7 +42,7 @@ export function exposureHand(film) {
    * @type {Chooser}
    */
   let chosenBy = "first";
-  /** What was chosen for lights that are not shown now, and what would choose next. @type {Map<string, [number, Chooser]>} */
+  /** Exposures of earlier lights in stops, and what would choose them next. @type {Map<string, [number, Chooser]>} */
   const before = new Map();
   /** Whether the light is another than the first one. */
   let isRelit = false;
@@ -105,9 +105,10 @@ export function exposureHand(film) {
       return chosenBy === "light" || chosenBy === "preview";
     },
 
-    /** Chooses the exposure for the preview of a new light. @param {Brightness} brightness */
+    /** Chooses the exposure for the preview of a new light. @param {Brightness | null} brightness null: it is black, so the picture chooses */
     adaptPreview(brightness) {
       chosenBy = "preview";
+      if (!brightness) return;
       set(autoExposure(brightness));
       setAuto(true);
     },

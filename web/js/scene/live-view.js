@@ -190,8 +190,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   /** Exposes a new light as soon as the mesh shows it. */
   const exposePreview = () => {
     if (!hand.awaitsPreview || !cover.isMeshAlone) return;
-    const brightness = meshBrightness(mesh);
-    if (brightness) hand.adaptPreview(brightness);
+    if (mesh.isWaiting) return void mesh.ready.then(exposePreview);
+    hand.adaptPreview(meshBrightness(mesh)); // once: measuring draws another frame
   };
 
   /** The latest requests, by their ids. @type {Map<number, Requested>} */
@@ -227,7 +227,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
   const lookForDarkness = (/** @type {number} */ id) => {
     const brightness = film.film.brightness();
-    hand.adapt(brightness, id === link.id, id === settledId);
+    hand.adapt(brightness, link.isLatest(id), id === settledId);
     dark.look(brightness);
   };
   const sampled = () => {
@@ -271,7 +271,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     state(found) {
       const { id, samples, bound, mean, noise, done, slots, message } = found;
       const denoised = found.denoised && shownId === id && pictureId() === id; // a draft of a later view may have replaced the picture
-      const isLatest = id === link.id && !link.pending;
+      const isLatest = link.isLatest(id);
       surface.dataset.samples = String(samples);
       if (done || denoised || mean >= SHARP_SPP) settledId = id;
       if ((done || denoised) && hand.awaitsLight) lookForDarkness(pictureId()); // before it is shown, or if no further picture comes
@@ -409,7 +409,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const keepClear = () => {
     const { exposure, curve } = hand.look.value;
     const isUsual = exposure === 0 && curve === DEFAULT_CURVE;
-    const isShown = clearId === link.id && pictureId() === clearId && !link.pending && !cover.isHeld;
+    const isShown = link.isLatest(clearId) && pictureId() === clearId && !cover.isHeld;
     const now = request();
     if (isUsual && isShown && now["background"] !== "transparent") keepClearView(scene.id, JSON.stringify(now), pictureUrl(picture, canvas, CLEAR_SIDE));
   };
@@ -424,7 +424,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     setLook: ({ exposure, curve }) => hand.restore(exposure, curve),
     firstLook() {
       if (cover.isInstead && cover.isOutdated) return noLook(); // a picture in another light would be taken for the job's
-      const isSame = !link.pending && pictureId() === link.id;
+      const isSame = link.isLatest(pictureId());
       return { film: film.film, isSame, clean: cover.pictureUrl(), worth: cover.isInstead ? cover.worth() : isSame ? shownSpp : 0 };
     },
     dispose() {

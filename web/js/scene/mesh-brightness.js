@@ -4,13 +4,13 @@ import { brightnessOf } from "../film/brightness.js";
 import { curveIndex } from "../film/film-shader.js";
 import { DEFAULT_CURVE, undisplayed } from "../film/tonemap.js";
 
-/** Exposed radiance of the brightest tenth within which eight bits suffice; the step of the gain to get there, and how many. */
+/** Range of the exposed radiance of the brightest tenth in which eight bits suffice; factor of the gain to reach it, and maximum number of such steps. */
 const [LEAST, MOST, STEP, TRIES] = [0.02, 4, 16, 4];
 
 /**
- * Returns the brightness of a preview mesh with its floor and what is behind it, as Film.brightness does; null if it is not drawn yet.
+ * Returns the brightness of a preview mesh with its floor and backdrop, as Film.brightness does; null if it is black or cannot be drawn.
  *
- * @param {import("./mesh-canvas.js").MeshCanvas} mesh that is shown
+ * @param {import("./mesh-canvas.js").MeshCanvas} mesh visible on the page
  */
 export function meshBrightness(mesh) {
   const { gl, look } = mesh;

@@ -69,7 +69,7 @@ export class MeshCanvas {
     /** The next frame in which shadows are computed. */
     this.refining = 0;
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
-    /** Whether frames take a tenth of a second and more. */
+    /** Whether frames take a tenth of a second or more. */
     this.isSlow = this.gl !== null && isSoftware(this.gl);
     /** Whether a first frame is drawn, which does without what takes long: mirrors show only the light around the scene, and large meshes have no shadows. */
     this.isFirst = false;
@@ -124,6 +124,7 @@ export class MeshCanvas {
   setMesh(mesh) {
     const { gl } = this;
     this.mesh = mesh;
+    if (!isComputable(mesh, this.chosen)) this.chosen = {}; // its own light until the chosen one arrives
     this.release();
     if (!gl || gl.isContextLost()) return; // the picture comes without a preview
     this.places = mesh.parts.map((part) => placeOf(mesh, part));
@@ -169,6 +170,11 @@ export class MeshCanvas {
       }),
     );
     this.invalidate();
+  }
+
+  /** Whether the mesh is not drawn yet, since it waits for its textures. */
+  get isWaiting() {
+    return this.held !== undefined;
   }
 
   /** Waits for the textures of a mesh, for HELD_MS at most. @param {MeshPacket} mesh */
@@ -450,7 +456,7 @@ export class MeshCanvas {
     this.mirrored = null;
   }
 
-  /** Binds what a mirror shows. @param {MeshPart} part */
+  /** Binds the cube of a mirror. Returns false if it has none. @param {MeshPart} part */
   bindMirrored(part) {
     const { gl, at, mirrored } = this;
     const cube = mirrored?.cubes.find(({ of }) => of.has(part));

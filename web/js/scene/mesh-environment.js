@@ -26,7 +26,7 @@ const alongOf = (ways, i, axis) => (ways[4 * i] ?? 0) * axis[0] + (ways[4 * i + 
 const known = new Map();
 
 /** Returns the direction of each texel's middle, and the sine of its polar angle. @param {number} height of a table twice as wide */
-export function directionsOf(height) {
+function directionsOf(height) {
   const found = known.get(height) ?? new Float64Array(8 * height * height);
   if (known.has(height)) return found;
   known.set(height, found);

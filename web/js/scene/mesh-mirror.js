@@ -19,17 +19,17 @@ const SIDES = /** @type {[Vec3, Vec3, Vec3][]} */ ([
   [[-1, 0, 0], [0, -1, 0], [0, 0, -1]],
 ]);
 
-/** Mirrors that are given a cube of their own at most, and triangles that are drawn for these. */
+/** Maximum number of mirrors with cubes of their own, and of triangles that are drawn for a side of all of these. */
 const [MOST_OWN, MOST_TRIANGLES] = [4, 100_000];
 
-/** What is drawn for some mirrors. from: where it is seen from, relative to the mesh's middle. @typedef {{color: WebGLTexture, depth: WebGLTexture}} Cube */
+/** Colours and depths of the surfaces around a point. @typedef {{color: WebGLTexture, depth: WebGLTexture}} Cube */
 
 /** Returns whether a surface reflects or refracts the others. @param {MeshMaterial} material */
 export const isMirror = ({ metallic, roughness, f0, transmission }) => transmission > 0 || (roughness < ROUGH && (metallic > 0.5 || Math.max(...f0) > REFLECTS));
 
 /**
- * Returns which mirrors share a cube, and where it is drawn from: the largest have cubes of their own, so that what is near is in its
- * place and they show each other; the others share one that is drawn from the middle of the scene.
+ * Assigns mirrors to cubes. The largest have cubes of their own, drawn from their middles, so that near surfaces are in their places and
+ * these mirrors show each other; the others share one that is drawn from the middle of the scene.
  *
  * @template {{middle: Vec3, size: number}} Mirror
  * @param {Mirror[]} mirrors
@@ -39,9 +39,9 @@ export const isMirror = ({ metallic, roughness, f0, transmission }) => transmiss
 export function viewpoints(mirrors, triangles) {
   const own = Math.min(MOST_OWN, Math.floor(MOST_TRIANGLES / triangles));
   const largestFirst = mirrors.toSorted((a, b) => b.size - a.size);
-  const shared = mirrors.length === 1 ? 1 : mirrors.length <= own ? mirrors.length : Math.max(own - 1, 0);
-  const found = largestFirst.slice(0, shared).map((each) => ({ from: each.middle, of: [each] }));
-  if (shared < mirrors.length) found.push({ from: [0, 0, 0], of: largestFirst.slice(shared) });
+  const alone = mirrors.length === 1 ? 1 : mirrors.length <= own ? mirrors.length : Math.max(own - 1, 0);
+  const found = largestFirst.slice(0, alone).map((each) => ({ from: each.middle, of: [each] }));
+  if (alone < mirrors.length) found.push({ from: [0, 0, 0], of: largestFirst.slice(alone) });
   return found;
 }
 

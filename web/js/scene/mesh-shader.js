@@ -97,16 +97,16 @@ uniform vec3 mirroredFrom;
 uniform bool showsScene;
 uniform bool isBlack; // nothing is around the scene
 const int STEPS = 7, HALVINGS = 3; // along a ray, and of the step in which something is met
-const float THICK = 0.4; // distance of what is seen, in proportion to a point's, below which the point is hidden
-// Distance from the cube's middle of what is seen towards a point, in proportion to that point's.
+const float THICK = 0.4; // a point is hidden if the surface seen towards it is nearer than this part of its distance
+// Distance of the surface that the cube shows towards a point, in proportion to the point's own.
 float seenBehind(vec3 way) {
   vec3 sizes = abs(way);
   float depth = 2.0 * textureLod(mirroredDepth, way, 0.0).r - 1.0;
   float radius = 0.5 * length(extent);
   return 2.0 * radius * ${FAR * NEAR} / (${FAR + NEAR} - depth * ${FAR - NEAR}) / max(sizes.x, max(sizes.y, sizes.z));
 }
-// Where a ray meets the scene in the cube, relative to its middle: where the ray is first behind what is seen towards it, or else leaves the bounds;
-// and 0 if what is there is hidden in the cube.
+// Place where a ray meets the scene, relative to the cube's middle: the first one behind the surface that the cube shows towards it, or else the
+// one where the ray leaves the bounds. w: 0 if the cube does not show that place.
 // Source: Szirmay-Kalos et al. 2005, "Approximate ray-tracing on the GPU with distance impostors".
 vec4 metAlong(vec3 place, vec3 way) {
   vec3 safe = mix(way, vec3(1e-6), lessThan(abs(way), vec3(1e-6)));
@@ -141,7 +141,7 @@ vec4 metAlong(vec3 place, vec3 way) {
   return vec4(place + after * way, depth < THICK ? 0.0 : 1.0);
 }
 #endif
-// Radiance along a ray: of the scene, if it is seen there, or else of what is around. spread: angle between the rays of neighbouring pixels.
+// Radiance along a ray: of the scene, if it is seen there, or else of its surroundings. spread: angle between the rays of neighbouring pixels.
 vec3 seenAlong(vec3 place, vec3 way, float rough, float spread) {
   vec3 light = reflected(way, rough);
 #ifdef MIRRORS

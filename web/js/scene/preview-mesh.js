@@ -1,7 +1,7 @@
 /** The preview mesh of the latest scene, and the view that it was turned to while the scene was being prepared. */
 
 import { fetchMesh } from "../news/api.js";
-import { isLocal, localMeshOf } from "../news/local-mesh.js";
+import { localMeshOf } from "../news/local-mesh.js";
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
@@ -27,9 +27,6 @@ export function meshOf(scene) {
 
 /** @returns {Promise<null>} */
 const late = () => new Promise((resolve) => setTimeout(resolve, WAITED_MS, null));
-
-/** Whether the mesh of a scene has been read here or fetched, or is being. @param {string} scene */
-export const hasMesh = (scene) => latest?.scene === scene || isLocal(scene);
 
 /** The view to which the mesh was rotated, with its scene. @type {{scene: string, view: View} | null} */
 let turned = null;

@@ -37,7 +37,7 @@ export class Projection {
     this.view = view;
     /** What the picture shows, as sceneOf returns it. */
     this.scene = "";
-    /** Runs while the camera has not rested for long. @type {ReturnType<typeof setTimeout> | undefined} */
+    /** Runs until the camera has rested for REST_MS. @type {ReturnType<typeof setTimeout> | undefined} */
     this.resting = undefined;
   }
 

@@ -1,14 +1,14 @@
-/** What the requests of a live view show, apart from the camera: the scene, in a light. */
+/** The scene and the light that the requests of a live view show, apart from the camera. */
 
 /** The camera of a request, and the rest of it as JSON, as `sceneOf` returns it. @typedef {{view: import("../base/types.js").View, scene: string}} Requested */
 
-/** Returns what a request shows, and in which light, as JSON: all of it but the camera and the size. @param {Record<string, any>} request */
+/** Returns the scene and the light of a request as JSON: all of it but the camera and the size. @param {Record<string, any>} request */
 export function sceneOf(request) {
   const { view: _, camera: __, width: ___, height: ____, ...others } = request; // the order of keys changes as the camera turns
   return JSON.stringify(others);
 }
 
-/** Returns what is shown without its light. @param {string} scene as sceneOf returns it */
+/** Returns a scene without its light. @param {string} scene as sceneOf returns it */
 const unlit = (scene) => JSON.stringify({ ...JSON.parse(scene || "{}"), environment: undefined });
 
 /** Returns whether two scenes differ in their light at most. @param {string} a as sceneOf returns it @param {string} b */
@@ -19,7 +19,7 @@ export class RequestedScene {
   constructor() {
     /** Camera and size of the first request. */
     this.place = "";
-    /** What the first and the latest request show. */
+    /** Scenes of the first and the latest request, as sceneOf returns them. */
     this.first = this.latest = "";
     /** The latest request. @type {Record<string, any>} */
     this.request = {};

@@ -193,7 +193,7 @@ function costWords({ seconds, noise }) {
     "{n} slot",
     "{n} slots",
   );
-  if (seconds === null) return t("How long it takes on {slots} is known once they have rendered something.", { slots });
+  if (seconds === null) return t("The time on {slots} is known once the scene has been rendered.", { slots });
   const estimate = t("About {time} on {slots}", { time: expectedText(seconds), slots });
   const isBusy = jobs.value?.some(({ state }) => state === "running");
   return (isBusy ? t("{estimate}, now busy", { estimate }) : estimate) + (noise === null ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);

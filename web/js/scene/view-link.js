@@ -110,6 +110,11 @@ export class ViewLink extends LastingSocket {
     this.seen();
   }
 
+  /** Whether a picture is of the view that is requested now, and no other is about to be. @param {number | null | undefined} id of the picture's view */
+  isLatest(id) {
+    return id === this.id && !this.pending;
+  }
+
   /** @param {Record<string, any>} view the new view, as a job's request */
   show(view) {
     this.wanted = view;

@@ -218,7 +218,7 @@ function sayWhere(label, slot, name, key) {
     ? [linkTo("jobs", slot.job), name ?? t("A picture")]
     : slot.scene
       ? [linkTo("scenes", slot.scene), t("Prepares a scene")]
-      : ["", slot.view ? t("Open scene") : slot.hidden ? t("Rendering for a project that you cannot see") : t("Slot {number}", { number: Number(key) + 1 })];
+      : ["", slot.view ? t("Live view") : slot.hidden ? t("Rendering for a project that you cannot see") : t("Slot {number}", { number: Number(key) + 1 })];
   const said = slot.compiling ? t("{text}, compiling", { text }) : text;
   if (label.title === `${href} ${said}`) return;
   label.title = `${href} ${said}`;
