@@ -160,7 +160,7 @@ void main() {
   away = vec2(0.0);
   given = vec4(0.0);
 #else
-  vec3 fromBelow = albedoAt(place, 0.0, 3.0), fromAbove = albedoAt(place, 1.0, 3.0);
+  vec3 fromBelow = albedoAt(place, 0.0, 4.0), fromAbove = albedoAt(place, 1.0, 4.0); // blurred: else the colour of a roof would show below it
   vec3 up = cross(albedoX, albedoY) / dot(albedoX, albedoX);
 #endif
   if (!point(place, n)) return;
