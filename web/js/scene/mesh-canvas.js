@@ -163,7 +163,9 @@ export class MeshCanvas {
         gl.activeTexture(gl.TEXTURE0);
         if (arrived) fillTexture(gl, this.textures[number] ?? null, arrived, sampler, data.has(number));
         else fillTexel(gl, this.textures[number] ?? null);
-        if (mesh.materials.some(({ alpha_mode: mode, texture }) => mode !== "opaque" && texture === number)) this.shadows?.renew();
+        const shown = mesh.materials.filter(({ texture }) => texture === number);
+        if (shown.some(({ alpha_mode: mode }) => mode !== "opaque")) this.shadows?.renew();
+        else if (shown.length) this.shadows?.recolor();
         this.forgetMirrored();
         this.canvas.dataset.textures = String(Number(this.canvas.dataset.textures ?? 0) + 1);
         this.invalidate();

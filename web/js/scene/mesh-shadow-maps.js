@@ -2,9 +2,9 @@
 
 import { FLOOR_TEXELS } from "./mesh-floor-shader.js";
 import { VERTEX } from "./mesh-shader.js";
-import { boxOf, extentOf, floorMap, lampTilesOf, matrixOf, placeOf, radiusOf, rowsTowards } from "./mesh-shadow-places.js";
-import { ACROSS, DEPTH_FRAGMENT } from "./mesh-shadow-shader.js";
-import { bindTexture, depthTarget } from "./mesh-targets.js";
+import { albedoAxes, boxOf, extentOf, floorMap, lampTilesOf, matrixOf, placeOf, radiusOf, rowsTowards } from "./mesh-shadow-places.js";
+import { ACROSS, ALBEDO_FRAGMENT, DEPTH_FRAGMENT } from "./mesh-shadow-shader.js";
+import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
 
 /** @typedef {import("../news/mesh-packet.js").Lamp} Lamp */
 /** @typedef {import("../news/mesh-packet.js").MeshMaterial} MeshMaterial */
@@ -42,6 +42,8 @@ export class ShadowMaps {
     this.lamps = null;
     /** Depth of the floor and what lies on it, from above. */
     this.base = depthTarget(gl, FLOOR_TEXELS, FLOOR_TEXELS, gl.DEPTH_COMPONENT24);
+    /** Albedo of the scene, from below and from above in two quarters. */
+    this.albedos = colorTarget(gl, FLOOR_TEXELS, FLOOR_TEXELS, gl.RGBA8, Math.log2(FLOOR_TEXELS) + 1);
     /** @type {Subject | null} */
     this.subject = null;
     /** To a direction, the three rows of its projection. @type {number[][]} */
@@ -85,10 +87,11 @@ export class ShadowMaps {
    * @param {WebGLTexture} texture
    * @param {number} side in texels
    * @param {boolean} isCleared
+   * @param {string} [fragment] the shader
    */
-  target(texture, side, isCleared) {
+  target(texture, side, isCleared, fragment = DEPTH_FRAGMENT) {
     const { gl } = this;
-    const linked = this.programOf(VERTEX, DEPTH_FRAGMENT);
+    const linked = this.programOf(VERTEX, fragment);
     if (!linked) return null;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, texture, 0);
@@ -98,6 +101,26 @@ export class ShadowMaps {
     if (isCleared) gl.clear(gl.DEPTH_BUFFER_BIT);
     gl.useProgram(linked.program);
     return linked;
+  }
+
+  /** Draws the albedo of the scene as it is seen from below and from above. */
+  drawAlbedos() {
+    const { gl, subject } = this;
+    const linked = subject && this.target(this.base, FLOOR_TEXELS, true, ALBEDO_FRAGMENT);
+    if (!linked) return;
+    const across = albedoAxes(subject).map((axis) => axis.map((value) => 2 * value));
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.albedos, 0);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    gl.uniform1f(linked.at("threshold"), 0.5);
+    for (const view of [0, 1]) {
+      const away = floorMap(subject).above.map((value) => ((view ? -1 : 1) * value) / radiusOf(subject.mesh));
+      gl.viewport((view * FLOOR_TEXELS) / 2, 0, FLOOR_TEXELS / 2, FLOOR_TEXELS / 2);
+      this.drawSolids(linked, matrixOf([...across, away].flatMap((axis) => [...axis, 0])), opacityOf);
+    }
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, null, 0);
+    this.bind(9, this.albedos);
+    gl.generateMipmap(gl.TEXTURE_2D);
   }
 
   /** Draws what lies on the floor, as it is seen from above. */

@@ -47,9 +47,6 @@ export function rowsTowards(way, i, radius) {
 /** Returns the matrix of three rows, column by column. @param {number[]} rows */
 export const matrixOf = (rows) => Float32Array.from({ length: 16 }, (_, at) => (at % 4 < 3 ? (rows[4 * (at % 4) + (at >> 2)] ?? 0) : at === 15 ? 1 : 0));
 
-/** Vertices that the mean colour is computed from; and the share of it that a textured surface is assumed to reflect. */
-const [SAMPLED, TEXTURED] = [2000, 0.5];
-
 /** Returns the bounds of a part, relative to the mesh's middle, with some room. @param {MeshPacket} mesh @param {MeshPart} part */
 export function boxOf(mesh, { first, corners }) {
   const room = ROOM * radiusOf(mesh);
@@ -67,19 +64,15 @@ export function boxOf(mesh, { first, corners }) {
 /** Room around a part that shines, in radii of the scene. */
 const ROOM = 0.01;
 
-/** Returns the mean albedo of a mesh's surfaces, as luminance: the colour of what is seen in a direction is not known, and a wrong one shows. @param {MeshPacket} mesh */
-export function albedoOf({ colors, indices, parts, materials }) {
-  let sum = 0;
-  let count = 0;
-  for (const { first, corners, material } of parts) {
-    const { texture } = /** @type {MeshMaterial} */ (materials[material]);
-    const share = texture < 0 ? 1 : TEXTURED;
-    for (let i = first; i < first + corners; i += Math.max(1, Math.floor(indices.length / SAMPLED))) {
-      count++;
-      [0.2126, 0.7152, 0.0722].forEach((weight, k) => (sum += share * weight * ((colors[4 * (indices[i] ?? 0) + k] ?? 0) / 255) ** 2.2));
-    }
-  }
-  return sum / (count || 1);
+/** Side length of the views of the scene's albedo, in radii. */
+const ALBEDO_SIDE = 2.1;
+
+/** Returns the axes of the views of a scene's albedo, which turn places into shares of a view. @param {Subject} subject @returns {[Vec3, Vec3]} */
+export function albedoAxes(subject) {
+  const { floorX, floorY } = floorMap(subject);
+  const side = ALBEDO_SIDE * radiusOf(subject.mesh);
+  const scaled = (/** @type {Vec3} */ axis) => /** @type {Vec3} */ (unit(axis).map((value) => value / side));
+  return [scaled(floorX), scaled(floorY)];
 }
 
 /** Returns the map of the floor below a scene. @param {Subject} subject */

@@ -31,6 +31,17 @@ void main() {
   if (isHidden()) discard;
 }`;
 
+/** Albedo of the scene. */
+export const ALBEDO_FRAGMENT = `#version 300 es
+precision highp float;
+${HIDDEN_GLSL}
+out vec4 pixel;
+void main() {
+  if (isHidden()) discard;
+  vec3 color = mix(shown.rgb / 12.92, pow((shown.rgb + 0.055) / 1.055, vec3(2.4)), greaterThan(shown.rgb, vec3(0.04045)));
+  pixel = vec4(color * texture(image, texel).rgb, 1.0);
+}`;
+
 /** Normals of the surfaces that the camera sees. */
 export const NORMAL_FRAGMENT = `#version 300 es
 precision highp float;
@@ -118,10 +129,23 @@ uniform float texelSize; // width of a map's texel, in the scene
 uniform vec4 rows[${3 * TOGETHER}]; // to the tiles' coordinates
 uniform vec3 ways[${TOGETHER}];
 uniform vec3 colors[${TOGETHER}];
-uniform vec3 instead[${TOGETHER}]; // what is seen in place of the light
+uniform vec3 instead[${TOGETHER}]; // what is seen in place of the light, if it is white
+uniform sampler2D albedos; // of the scene from below and, beside that, from above, multiplied by the share that is covered
+uniform vec3 albedoX; // from the middle, to coordinates of a view
+uniform vec3 albedoY;
+uniform bool isAlone; // only lamps light the scene, and what is seen in place of other light is an estimate
 layout(location = 0) out vec4 missed;
 ${POINT_GLSL}
+// Mean albedo around a place. view: 0: from below, 1: from above.
+vec3 albedoAt(vec3 place, float view, float level) {
+  vec2 uv = clamp(0.5 + vec2(dot(place, albedoX), dot(place, albedoY)), 0.05, 0.95);
+  uv = 0.5 * (uv + vec2(view, 0.0));
+  vec4 found = textureLod(albedos, uv, level);
+  if (found.a < 0.04) found = textureLod(albedos, uv, 5.0); // it is beside the scene
+  return isAlone ? vec3(1.0) : found.rgb / max(found.a, 1e-2);
+}
 #ifdef FLOOR
+layout(location = 2) out vec4 given; // what is seen in place of the light that is missed
 uniform sampler2D mapDepth; // the maps, without comparison
 uniform float depthRange; // of the maps, in the scene
 layout(location = 1) out vec2 away; // how far what hides the light is, weighted by the light, and the sum of the weights
@@ -134,6 +158,10 @@ void main() {
   missed = vec4(0.0);
 #ifdef FLOOR
   away = vec2(0.0);
+  given = vec4(0.0);
+#else
+  vec3 fromBelow = albedoAt(place, 0.0, 4.0), fromAbove = albedoAt(place, 1.0, 4.0); // blurred: else the colour of a roof would show below it
+  vec3 up = cross(albedoX, albedoY) / dot(albedoX, albedoX);
 #endif
   if (!point(place, n)) return;
   for (int i = 0; i < count; i++) {
@@ -149,16 +177,44 @@ void main() {
       open = texture(maps, vec3(uv, depth));
 #ifdef FLOOR
       float hidden = cosine * (1.0 - open) * dot(colors[i], vec3(0.2126, 0.7152, 0.0722));
-      if (hidden > 0.0) away += hidden * vec2(depthRange * max(depth - texture(mapDepth, uv).r, 0.0), 1.0);
+      if (hidden > 0.0) {
+        float far = depthRange * max(depth - texture(mapDepth, uv).r, 0.0);
+        away += hidden * vec2(far, 1.0);
+        given.rgb += cosine * (1.0 - open) * instead[i] * albedoAt(place + far * ways[i], 0.0, 2.0);
+      }
 #endif
     }
-    vec3 lost = (1.0 - open) * (colors[i] - instead[i]);
-#ifndef FLOOR
+#ifdef FLOOR
+    vec3 lost = (1.0 - open) * colors[i];
+#else
+    vec3 lost = (1.0 - open) * (colors[i] - instead[i] * mix(fromAbove, fromBelow, 0.5 + 0.5 * dot(up, ways[i])));
     // A direction below the horizon sees the floor, whose shadow is missing from the light.
     if (dot(ways[i], floorPlane.xyz) < 0.0) lost += open * colors[i] * min(missedFrom(place, ways[i], SPREAD) / max(floorRadiance, vec3(1e-6)), 1.0);
 #endif
     missed += cosine * vec4(lost, dot(colors[i], vec3(0.2126, 0.7152, 0.0722)));
   }
+}`;
+
+/**
+ * Light that the floor misses: that of the directions in which something else is seen, less what that reflects. A surface above the floor sees
+ * the floor around, and reflects as much less as that lacks light.
+ */
+export const GIVEN_FRAGMENT = `#version 300 es
+precision highp float;
+uniform sampler2D hidden; // as GATHER_FRAGMENT writes them
+uniform sampler2D given;
+uniform sampler2D floorAway;
+uniform float most; // factor of what is given where all light reaches the floor around
+uniform float power; // by which it depends on that light
+uniform float perUnit; // texels of the map
+out vec4 missed;
+void main() {
+  vec2 uv = gl_FragCoord.xy / vec2(textureSize(hidden, 0));
+  vec2 away = textureLod(floorAway, uv, 2.0).rg;
+  vec4 around = textureLod(hidden, uv, log2(1.0 + 2.0 * perUnit * away.x / max(away.y, 1e-9)));
+  float open = clamp(1.0 - dot(around.rgb, vec3(0.2126, 0.7152, 0.0722)) / max(around.a, 1e-9), 0.001, 1.0);
+  vec4 all = texelFetch(hidden, ivec2(gl_FragCoord.xy), 0);
+  missed = vec4(all.rgb - most * pow(open, power) * texelFetch(given, ivec2(gl_FragCoord.xy), 0).rgb, all.a);
 }`;
 
 /** Blurs what is missed along a surface, and divides it by the light of all directions. */

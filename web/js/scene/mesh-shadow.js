@@ -11,8 +11,8 @@ import { FLOOR_TEXELS } from "./mesh-floor-shader.js";
 import { lightSamples } from "./mesh-light-samples.js";
 import { FLOOR_VERTEX, VERTEX } from "./mesh-shader.js";
 import { BASE, ShadowMaps } from "./mesh-shadow-maps.js";
-import { albedoOf, extentOf, floorMap, placeOf, radiusOf } from "./mesh-shadow-places.js";
-import { FLOOR_NORMAL_FRAGMENT, GATHER_FRAGMENT, GATHER_VERTEX, LAMPS_FRAGMENT, NORMAL_FRAGMENT, SMOOTH_FRAGMENT, TILES, TOGETHER } from "./mesh-shadow-shader.js";
+import { albedoAxes, extentOf, floorMap, placeOf, radiusOf } from "./mesh-shadow-places.js";
+import { FLOOR_NORMAL_FRAGMENT, GATHER_FRAGMENT, GATHER_VERTEX, GIVEN_FRAGMENT, LAMPS_FRAGMENT, NORMAL_FRAGMENT, SMOOTH_FRAGMENT, TILES, TOGETHER } from "./mesh-shadow-shader.js";
 import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
@@ -22,8 +22,11 @@ import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
 /** @typedef {import("../news/mesh-packet.js").MeshPart} MeshPart */
 /** @typedef {import("./mesh-environment.js").LightTables} LightTables */
 
-/** Part of the light that other surfaces of the scene receive, which are seen in place of the light. */
-const OPEN = 0.7;
+/**
+ * What the floor receives from surfaces above it, in proportion to what they reflect in the light of all directions: the factor, for light that is
+ * reflected more than once too, and the power of the light that reaches the floor around, which they see. Chosen by comparison with path-traced pictures.
+ */
+const [GIVEN, GIVEN_POWER] = [1.15, 1.5];
 /** Share of the surrounding light that remains where surfaces block it, if that light only estimates what surfaces reflect. */
 const REFLECTED = 0.6;
 /** Texture units; those of the mesh are below. */
@@ -38,6 +41,8 @@ const [BUDGET_MS, FEWEST_TILES] = [25, 4];
 const FIRST_TRIANGLES = 800_000;
 /** Directions that are gathered at once at full resolution: about 0.1 s where a processor stands in for a graphics card. */
 const SLICE = 8;
+/** Levels of the floor's textures. */
+const LEVELS = Math.floor(Math.log2(FLOOR_TEXELS)) + 1;
 /** Directions of the first frame. */
 const FIRST_TILES = 32;
 /** Difference of two scenes' extents, of their size, up to which they have the same shape. */
@@ -46,6 +51,7 @@ const SLACK = 1e-4;
 /** @typedef {(name: string) => WebGLUniformLocation | null} At */
 /** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, isAlone: boolean, drawPart: (part: MeshPart, material: MeshMaterial, at: At) => void}} Subject isAlone: whether only lamps light it. above: up in the scene, if it stands on a floor */
 /** What the camera sees, and the light that misses it: added up coarsely and finely, and smoothed. @typedef {{width: number, height: number, depth: WebGLTexture, normal: WebGLTexture, coarse: WebGLTexture, fine: WebGLTexture, missed: WebGLTexture, open: WebGLTexture}} Seen */
+/** Textures of the floor's map: the light that it misses, and how far what shadows it is; and of what these are computed from, the light that is hidden, and that which is reflected in its place. @typedef {{missed: WebGLTexture, away: WebGLTexture, hidden: WebGLTexture, given: WebGLTexture}} Floor */
 
 export class MeshShadows {
   /**
@@ -61,14 +67,16 @@ export class MeshShadows {
     this.subject = null;
     /** @type {import("./mesh-light-samples.js").LightSample[]} */
     this.samples = [];
-    /** What surfaces reflect in place of each sample's light. @type {number[]} */
+    /** What white surfaces reflect in place of each sample's light. @type {number[]} */
     this.instead = [];
     /** @type {ShadowMaps | null} */
     this.maps = null;
-    /** What the floor's map misses, and how far what shadows it is. @type {[WebGLTexture, WebGLTexture] | null} */
+    /** @type {Floor | null} */
     this.floor = null;
     /** Directions that the floor's map, and the camera's fine shadows have. */
     this.onFloor = this.fine = 0;
+    /** Whether the scene's albedo is drawn with the textures that have arrived. */
+    this.areColorsKnown = false;
     this.tilesAtOnce = FEWEST_TILES;
     /** @type {Float32Array<ArrayBuffer> | null} */
     this.toClip = null;
@@ -92,33 +100,35 @@ export class MeshShadows {
     const isAlike = this.subject !== null && isSameShape(this.subject, subject);
     this.subject = subject;
     this.toClip = null;
-    const { mesh, tables } = subject;
+    const { tables } = subject;
     this.maps ??= new ShadowMaps(gl, (vertex, fragment) => this.program(vertex, fragment));
     if (!isAlike) this.samples = lightSamples(/** @type {LightTables["levels"][number]} */ (tables.levels[0]), TILES);
     this.maps.begin(subject, this.samples, isAlike);
     if (isAlike) return;
-    const albedo = albedoOf(mesh);
+    this.areColorsKnown = false;
     this.instead = this.samples.flatMap(({ way, weight, color }) => {
       if (subject.isAlone) return color.map((value) => REFLECTED * value);
       const received = irradianceAt(tables.irradiance, /** @type {Vec3} */ (way.map((value) => -value)));
-      return received.map((value) => OPEN * weight * value * albedo);
+      return received.map((value) => weight * value);
     });
     this.onFloor = this.fine = 0;
     if (!this.floor) {
-      const target = (/** @type {number} */ format) => colorTarget(gl, FLOOR_TEXELS, FLOOR_TEXELS, format, Math.floor(Math.log2(FLOOR_TEXELS)) + 1);
+      const target = (/** @type {number} */ format, levels = LEVELS) => colorTarget(gl, FLOOR_TEXELS, FLOOR_TEXELS, format, levels);
       gl.activeTexture(gl.TEXTURE0 + UNITS.floorMissed);
-      this.floor = [target(gl.RGBA16F), target(gl.RG16F)];
+      this.floor = { missed: target(gl.RGBA16F), away: target(gl.RG16F), hidden: target(gl.RGBA16F), given: target(gl.RGBA16F, 1) };
     }
     this.clearFloor();
-    this.mipmap();
+    this.mipmap(this.floor.missed, this.floor.away);
   }
 
   /** Draws the maps that the first frame is shown with, fewer where there are many triangles. */
   drawFirst() {
     const { subject, maps } = this;
-    if (!maps || maps.drawn || !this.samples.length || !subject) return;
+    if (!maps || (maps.drawn && this.areColorsKnown) || !this.samples.length || !subject) return;
+    maps.drawAlbedos();
+    this.areColorsKnown = true;
     if (subject.above) maps.drawBase();
-    maps.drawDirections(Math.min(FIRST_TILES, Math.max(FEWEST_TILES, Math.floor(FIRST_TRIANGLES / subject.mesh.triangles))));
+    if (!maps.drawn) maps.drawDirections(Math.min(FIRST_TILES, Math.max(FEWEST_TILES, Math.floor(FIRST_TRIANGLES / subject.mesh.triangles))));
     this.gatherFloor();
   }
 
@@ -127,6 +137,12 @@ export class MeshShadows {
     const { subject } = this;
     this.subject = null;
     if (subject) this.begin(subject);
+  }
+
+  /** Computes anew what surfaces reflect: the texture of one has arrived. */
+  recolor() {
+    this.areColorsKnown = false;
+    this.toClip = null;
   }
 
   /**
@@ -231,9 +247,36 @@ export class MeshShadows {
     const { maps, floor, subject } = this;
     if (!maps || !floor || !subject?.above) return;
     this.clearFloor();
-    for (let first = 0; first < maps.drawn; first += TOGETHER) this.gather(floor[0], first, 0);
+    for (let first = 0; first < maps.drawn; first += TOGETHER) this.gather(floor.hidden, first, 0);
     this.onFloor = maps.drawn;
-    this.mipmap();
+    this.mipmap(floor.hidden, floor.away);
+    this.composeFloor(floor);
+    this.mipmap(floor.missed);
+  }
+
+  /** Computes the light that the floor misses from what is gathered. @param {Floor} floor */
+  composeFloor(floor) {
+    const { gl, subject } = this;
+    const linked = this.program(GATHER_VERTEX, GIVEN_FRAGMENT);
+    if (!linked || !subject) return;
+    const { at } = linked;
+    this.target(floor.missed, FLOOR_TEXELS, FLOOR_TEXELS);
+    gl.disable(gl.DEPTH_TEST);
+    gl.disable(gl.BLEND);
+    gl.useProgram(linked.program);
+    for (const [name, unit, texture] of /** @type {const} */ ([
+      ["hidden", UNITS.missed, floor.hidden],
+      ["given", UNITS.open, floor.given],
+      ["floorAway", UNITS.floorAway, floor.away],
+    ])) {
+      gl.uniform1i(at(name), unit);
+      bindTexture(gl, unit, texture);
+    }
+    gl.uniform1f(at("most"), subject.isAlone ? 1 : GIVEN);
+    gl.uniform1f(at("power"), subject.isAlone ? 0 : GIVEN_POWER);
+    gl.uniform1f(at("perUnit"), FLOOR_TEXELS * Math.hypot(...floorMap(subject).floorX));
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.enable(gl.DEPTH_TEST);
   }
 
   /** Gathers the first directions for the camera, coarsely: in each frame while it turns. */
@@ -256,9 +299,9 @@ export class MeshShadows {
 
   /** Adds up what the light of some directions misses. @param {WebGLTexture} target @param {number} first @param {number} step pixels that a texel of the target stands for; 0: it is the floor's map @param {number} [most] directions, TOGETHER at most */
   gather(target, first, step, most = TOGETHER) {
-    const { gl, maps, samples } = this;
+    const { gl, maps, samples, subject } = this;
     const linked = this.program(GATHER_VERTEX, GATHER_FRAGMENT, step ? [] : ["FLOOR"]);
-    if (!maps || !linked) return;
+    if (!maps || !linked || !subject) return;
     const { at } = linked;
     const last = Math.min(first + most, maps.drawn);
     this.beginPoints(linked, target, step);
@@ -266,12 +309,18 @@ export class MeshShadows {
     gl.uniform1i(at("first"), first);
     gl.uniform1i(at("count"), last - first);
     gl.uniform1f(at("texelSize"), maps.texelSize);
+    maps.bind(UNITS.missed, maps.albedos);
+    gl.uniform1i(at("albedos"), UNITS.missed);
+    const [albedoX, albedoY] = albedoAxes(subject);
+    gl.uniform3fv(at("albedoX"), albedoX);
+    gl.uniform3fv(at("albedoY"), albedoY);
+    gl.uniform1i(at("isAlone"), subject.isAlone ? 1 : 0);
     gl.uniform4fv(at("rows"), maps.rows.slice(first, last).flat());
     gl.uniform3fv(at("ways"), samples.slice(first, last).flatMap(({ way }) => way));
     gl.uniform3fv(at("colors"), samples.slice(first, last).flatMap(({ color }) => color));
     gl.uniform3fv(at("instead"), this.instead.slice(3 * first, 3 * last));
     if (step) this.setFloor(at);
-    if (!step) this.addAway(at);
+    if (!step) this.addFloor(at);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
@@ -279,16 +328,17 @@ export class MeshShadows {
     gl.enable(gl.DEPTH_TEST);
     if (step) return;
     gl.bindSampler(UNITS.seenNormal, null);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, gl.TEXTURE_2D, null, 0);
+    for (const each of [gl.COLOR_ATTACHMENT1, gl.COLOR_ATTACHMENT2]) gl.framebufferTexture2D(gl.FRAMEBUFFER, each, gl.TEXTURE_2D, null, 0);
     gl.drawBuffers([gl.COLOR_ATTACHMENT0]);
   }
 
-  /** Adds the distance of what shadows the floor to what is gathered, from the depths themselves. @param {At} at */
-  addAway(at) {
+  /** Adds to what is gathered the distance of what shadows the floor, from the depths themselves, and what that reflects. @param {At} at */
+  addFloor(at) {
     const { gl, maps, floor, subject } = this;
     if (!maps || !floor || !subject) return;
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, gl.TEXTURE_2D, floor[1], 0);
-    gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, gl.TEXTURE_2D, floor.away, 0);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT2, gl.TEXTURE_2D, floor.given, 0);
+    gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1, gl.COLOR_ATTACHMENT2]);
     maps.bind(UNITS.seenNormal, maps.directions);
     gl.bindSampler(UNITS.seenNormal, maps.uncompared);
     gl.uniform1i(at("mapDepth"), UNITS.seenNormal);
@@ -296,7 +346,7 @@ export class MeshShadows {
   }
 
   clearFloor() {
-    for (const texture of this.floor ?? []) this.clear(texture, 0);
+    for (const texture of Object.values(this.floor ?? {})) this.clear(texture, 0);
   }
 
   /** Blurs the light that was added up along the surfaces that the camera sees. @param {WebGLTexture} raw @param {number} step pixels that a texel of it stands for */
@@ -399,8 +449,8 @@ export class MeshShadows {
     gl.uniform3fv(at("floorRadiance"), floor?.radiance ?? [1, 1, 1]);
     gl.uniform1i(at("floorMissed"), UNITS.floorMissed);
     gl.uniform1i(at("floorAway"), UNITS.floorAway);
-    bindTexture(gl, UNITS.floorMissed, map?.[0] ?? null);
-    bindTexture(gl, UNITS.floorAway, map?.[1] ?? null);
+    bindTexture(gl, UNITS.floorMissed, map?.missed ?? null);
+    bindTexture(gl, UNITS.floorAway, map?.away ?? null);
   }
 
   /** Sets what the shaders of the mesh and of the floor read. @param {At} at @param {{width: number, height: number}} size of the canvas */
@@ -428,9 +478,10 @@ export class MeshShadows {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  mipmap() {
+  /** @param {WebGLTexture[]} textures of the floor */
+  mipmap(...textures) {
     const { gl } = this;
-    for (const texture of this.floor ?? []) {
+    for (const texture of textures) {
       bindTexture(gl, UNITS.floorMissed, texture);
       gl.generateMipmap(gl.TEXTURE_2D);
     }
