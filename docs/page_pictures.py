@@ -370,7 +370,7 @@ def _cell(character: str, style: str) -> str:
 
 
 def _save_jpeg(page: Page, path: Path) -> None:
-    Image.open(io.BytesIO(page.screenshot())).convert("RGB").save(path, quality=88, optimize=True)
+    Image.open(io.BytesIO(page.screenshot())).convert("RGB").save(path, quality=82, optimize=True)
     print(f"{path.name}: {path.stat().st_size / 1024:.0f} kB", flush=True)
 
 
