@@ -47,12 +47,13 @@ TAKES, LIGHT_MIXER = "takes", "light-mixer"
 COLUMNS, LINES = 96, 32  # of the terminal
 WATCHED_S = 8.0
 ESCAPE = re.compile(r"\x1b\[([?\d;]*)([A-Za-z])|\x1b[_P].*?\x1b\\", re.DOTALL)
-# As if a file were dragged over the page, whose drop area then covers it.
-DRAG_OVER = """() => {
+# As if a file were dragged over the page, whose drop area then covers it: again and again, since
+# the area goes a second after the last event.
+DRAG_OVER = """() => setInterval(() => {
   const dragged = new DataTransfer();
   dragged.items.add(new File(["x"], "truck.glb"));
   dispatchEvent(new DragEvent("dragover", { dataTransfer: dragged, bubbles: true, cancelable: true }));
-}"""
+}, 100)"""
 CLEAR_SPP = 16  # of a live view's denoised picture
 # The view's own picture, by the words of its tag.
 IS_CLEAR = """least => {
@@ -162,7 +163,8 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     page.wait_for_timeout(SETTLE_MS)
     _save(page, folder, "start")
     page.evaluate(DRAG_OVER)
-    page.wait_for_timeout(200)
+    page.get_by_text("Drop to upload", exact=True).wait_for()
+    page.wait_for_timeout(SETTLE_MS)
     _save(page, folder, "drop", height=590)
     page.goto(f"{server}/#/scenes/{_scene(server, 'spheres')}")
     page.reload()  # without the file that is dragged
@@ -368,7 +370,7 @@ def _cell(character: str, style: str) -> str:
 
 
 def _save_jpeg(page: Page, path: Path) -> None:
-    Image.open(io.BytesIO(page.screenshot())).convert("RGB").save(path, quality=88, optimize=True)
+    Image.open(io.BytesIO(page.screenshot())).convert("RGB").save(path, quality=82, optimize=True)
     print(f"{path.name}: {path.stat().st_size / 1024:.0f} kB", flush=True)
 
 

@@ -100,6 +100,11 @@ class ViewParts:
     is_smooth: bool = False  # whether the draft is smoothed (renderer/kernel/draft.py)
     needs_kernel: bool = False  # whether they are declined if the kernel would have to be compiled
 
+    @property
+    def is_first_hits(self) -> bool:
+        """Returns True if only the first hits of the samples are rendered, as guides of the denoiser."""
+        return self.has_guides and self.settings.max_depth == 1
+
     def to_json(self) -> dict[str, Any]:
         """Returns the message as JSON data for Celery; without guides, card, draft and kernel, as in earlier releases."""
         parts = [[part.number, list(part.tile), part.first, part.count] for part in self.parts]

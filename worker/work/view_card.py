@@ -35,7 +35,7 @@ _ready: dict[str, None] = {}  # compiled scenes that this process's slot has ren
 
 
 def render_view_on_card(worker: WorkerContext, work: ViewParts, report_compiling: Callable[[bool], None]) -> float:
-    """Renders parts of a view with this slot's graphics card. Returns the samples per second; 0 if none was sent.
+    """Renders parts of a view with this slot's graphics card. Returns the samples per second; 0 as for `render_view`.
 
     Adjacent parts are rendered by one launch. If the card has not rendered the scene before, or its kernel is not loaded, the
     parts are declined; then the first of them are rendered nevertheless, which loads both, and their sums are discarded.
@@ -108,7 +108,7 @@ def _render_and_send(
         _wait_for(sending)
     if work.draft is None or is_loading:
         answering.send("over")
-    return samples / seconds if seconds else 0.0
+    return samples / seconds if seconds and not work.is_first_hits else 0.0
 
 
 def _wait_for(sending: list[Future[None]]) -> None:

@@ -82,8 +82,8 @@ def view_failed(worker: WorkerContext, error: Exception) -> Sentence:
 def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[bool], None]) -> float:
     """Renders parts of a view until all are done or the viewer has changed it. Returns the samples per second.
 
-    Returns 0 if none was rendered. compiling: called with True before the scene's kernel is made ready, and with False
-    afterwards.
+    Returns 0 if none was rendered, or only first hits, which cost a fraction of a sample. compiling: called with True
+    before the scene's kernel is made ready, and with False afterwards.
     """
     answering = ViewAnswers(worker, work)
     if not answering.is_wanted():
@@ -128,7 +128,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
     except Exception as error:  # any error fails this view only, not the worker
         log.exception("a view failed")
         answering.send("failed", error=view_failed(worker, error))
-    return samples / seconds if seconds else 0.0
+    return samples / seconds if seconds and not work.is_first_hits else 0.0
 
 
 def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:

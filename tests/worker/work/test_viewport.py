@@ -1,7 +1,8 @@
-"""Tests of views that must not wait for a kernel to be compiled."""
+"""Tests of views: those that must not wait for a kernel to be compiled, and the speed that they report."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -29,6 +30,28 @@ def test_view_that_needs_a_kernel_is_declined_without_one(monkeypatch: pytest.Mo
     worker: Any = SimpleNamespace(link=None, name="w")
     assert viewport.render_view(worker, work, lambda is_compiling: None) == 0.0
     assert sent == ["begun", "declined"]
+
+
+def test_first_hits_are_not_reported_as_samples_per_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are a few times as fast as whole paths, and the page forecasts the time of a picture by the speed."""
+    answers = SimpleNamespace(is_wanted=lambda: True, send=lambda *_, **__: None)
+    monkeypatch.setattr(viewport, "ViewAnswers", lambda worker, work: answers)
+    monkeypatch.setattr(viewport, "mapped_scene", lambda worker, sha256: None)
+    monkeypatch.setattr(viewport, "variant_for", lambda settings, scene: "plain")
+    monkeypatch.setattr(viewport, "settings_as_rendered", lambda settings, *_: settings)
+    monkeypatch.setattr(viewport, "is_warm", lambda *_: True)
+    monkeypatch.setattr(viewport, "render_batch", lambda *_: SimpleNamespace(sums=None))
+    monkeypatch.setattr(viewport, "pack_view_sums", lambda sums, work: b"")
+    worker: Any = SimpleNamespace(link=None, name="w")
+
+    def speed(max_depth: int, has_guides: bool) -> float:
+        settings = replace(SETTINGS, max_depth=max_depth)
+        work = ViewParts("m", "w", 1, "0" * 64, settings, [Part(0, Tile(0, 0, 8, 8), 0, 1)], has_guides=has_guides)
+        return viewport.render_view(worker, work, lambda is_compiling: None)
+
+    assert speed(12, has_guides=True) > 0.0
+    assert speed(1, has_guides=False) > 0.0, "a picture of depth 1"
+    assert speed(1, has_guides=True) == 0.0
 
 
 def test_kernel_is_at_hand_if_machine_or_farm_has_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
