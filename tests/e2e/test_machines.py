@@ -47,7 +47,7 @@ def test_machines_show_current_work_and_can_be_paused(many: Service, watched: Wa
 
         alpha.get_by_role("button", name="Pause").click()
         expect(alpha).to_contain_text("Draining")
-        expect(alpha).to_contain_text("1 slot still finishes what it has in hand.")
+        expect(alpha).to_contain_text("1 slot is finishing its current work.")
         say(store, "alpha", [{}, {}])
         expect(alpha.locator(".chip")).to_have_text("Paused")
         beta.get_by_role("button", name="Resume").click()

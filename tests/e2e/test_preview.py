@@ -28,6 +28,14 @@ WATCH_MESH = """(() => {
   look();
 })()"""
 
+# Delays news of a scene until the page has polled for its preview.
+DELAY_NEWS = """(() => {
+  const listen = EventSource.prototype.addEventListener;
+  EventSource.prototype.addEventListener = function (type, listener) {
+    listen.call(this, type, type === "scene" ? (event) => setTimeout(listener, 2000, event) : listener);
+  };
+})()"""
+
 
 def live_view_pixels(page: Page) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(page.locator(".live-view").screenshot())).convert("RGB")).astype(int)
@@ -45,7 +53,7 @@ def test_preview_mesh_is_shown_until_samples_arrive(farm: Farm, watched: Watched
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Choose files").click()
     chooser.value.set_files([{"name": "cube.glb", "mimeType": "model/gltf-binary", "buffer": small_glb("preview")}])
-    expect(page.get_by_role("button", name="Render", exact=True)).to_be_visible(timeout=90_000)
+    expect(page.locator(".live-view canvas:not(.mesh)").first).to_be_attached(timeout=90_000)  # of the scene that is ready
     mesh = page.locator(".live-view canvas.mesh")
     expect(mesh).to_be_visible()
     assert page.evaluate("framesWithoutMesh") == 0, "the live view takes the canvas of the scene that was prepared"
@@ -70,6 +78,36 @@ def test_preview_mesh_is_shown_until_samples_arrive(farm: Farm, watched: Watched
     for route in held:
         route.continue_()
     expect(page.get_by_role("heading", name="Jobs")).to_be_visible()
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_late_answer_does_not_undo_a_scene_that_is_ready(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    page.route_web_socket("**/viewport", lambda socket: None)
+    held: list[tuple[Route, dict[str, object]]] = []
+
+    def hold(route: Route) -> None:
+        held.append((route, route.fetch().json()))
+
+    page.route("**/api/scenes/*", hold)
+    page.add_init_script(DELAY_NEWS)
+    page.add_init_script(WATCH_MESH)
+    page.goto(farm.url)
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Choose files").click()
+    chooser.value.set_files([{"name": "late.glb", "mimeType": "model/gltf-binary", "buffer": small_glb("late")}])
+    live = page.locator(".live-view canvas:not(.mesh)").first
+    expect(live).to_be_attached(timeout=90_000)
+    mesh = page.locator(".live-view canvas.mesh")
+    expect(mesh).to_have_attribute("data-drawn", "16")
+    live.evaluate("canvas => canvas.dataset.first = true")
+    [(route, scene)] = held
+    with page.expect_response(route.request.url):
+        route.fulfill(json=scene | {"status": "preparing", "preview": True})
+    page.evaluate("new Promise((done) => setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(done)), 200))")
+    expect(live).to_have_attribute("data-first", "true")  # the view stays open
+    assert page.evaluate("framesWithoutMesh") == 0
     assert watched.errors == []
 
 

@@ -217,12 +217,12 @@ const [ASK_MS, ASKED_MS] = [150, 5000];
 function askForPreview({ id }, life) {
   const until = performance.now() + ASKED_MS;
   let isAsking = false;
+  const lacksPreview = () => scenes.value?.some((known) => known.id === id && known.status === "preparing" && !known.preview);
   life.every(ASK_MS, async () => {
-    const known = scenes.value?.find((candidate) => candidate.id === id);
-    if (isAsking || !known || known.preview || known.status !== "preparing" || performance.now() > until) return;
+    if (isAsking || !lacksPreview() || performance.now() > until) return;
     isAsking = true;
     await getScene(id).then(
-      (next) => next.preview && scenes.value?.some((candidate) => candidate.id === id) && putScene(next),
+      (next) => next.preview && lacksPreview() && putScene(next), // unless an event that is newer has come meanwhile
       () => {}, // the events report the change
     );
     isAsking = false;
