@@ -80,7 +80,7 @@ VIEW, COMPILING, BATCH, IDLE = [{"view": "v"}, {}], [{"compiling": True}, {}], [
         # Recorded while a view of the milk truck was rendered on two slots of a busy machine.
         (
             [(speed, VIEW, None) for speed in (303120, 188311, 241016, 311587, 514845, 211005, 588986, 327391, 603426, 125110)],
-            ["1 min"] * 4 + ["30 s"] * 6,
+            ["", "", *["1 min"] * 8],
         ),
         # At rest, and while jobs are rendered or kernels compiled, the speed is that of something else.
         (
@@ -88,11 +88,11 @@ VIEW, COMPILING, BATCH, IDLE = [{"view": "v"}, {}], [{"compiling": True}, {}], [
                 (1e5, IDLE, None),
                 (6e5, COMPILING, None),
                 (9e6, BATCH, None),
-                (9e5, VIEW, None),
+                *[(9e5, VIEW, None)] * 3,
                 (1e5, IDLE, None),
                 (9e6, BATCH, None),
             ],
-            ["", "", "", "20 s", "20 s", "20 s"],
+            ["", "", "", "", "", "20 s", "20 s", "20 s"],
         ),
         # The scene's pictures are the best measurement; one that a busy machine slowed down a little changes nothing.
         ([(1e6, IDLE, None), (1e6, IDLE, 4e-7), (1e6, VIEW, 5.5e-7), (1e6, IDLE, 9e-7)], ["", "7 s", "7 s", "15 s"]),

@@ -18,16 +18,21 @@ const MOST_SCENES = 100;
 
 /** cost: seconds of a slot for a sample of a pixel. isFinal: measured by the scene's pictures, else by a view of it. @typedef {{cost: number, isFinal: boolean}} Measurement */
 
+/** Number of the speeds of a view from which their mean is an estimate: single batches may be of the sky alone, or short. */
+const ENOUGH = 3;
+/** Sums of what workers have reported while they rendered a view, by scene. latest: the report that is included last. @type {Map<string, {cost: number, count: number, latest: Worker[]}>} */
+const reports = new Map();
+
 /** Returns the measurement to hold after another one. @param {Measurement | undefined} held @param {Measurement | null} next @returns {Measurement | undefined} */
 function better(held, next) {
   if (!next || !held) return next ?? held;
-  if (!next.isFinal && (held.isFinal || next.cost > held.cost)) return held; // short batches and other work only slow a view down
+  if (!next.isFinal && held.isFinal) return held;
   const ratio = next.cost / held.cost;
   return ratio > APART || ratio < 1 / APART ? next : { cost: held.cost, isFinal: next.isFinal };
 }
 
 /**
- * Returns the measurement by a scene's pictures, or else by the workers' speeds while they render a view; null: there is none, as while
+ * Returns the measurement by a scene's pictures, or else by the workers' mean speed while they render a view; null: there is none, as while
  * they compile. At other times the speeds are those of any scene.
  *
  * @param {Scene} scene
@@ -40,7 +45,15 @@ function measurementOf(scene, workers) {
   if (doing.some(({ compiling }) => compiling) || !doing.some(({ view }) => view !== undefined)) return null;
   const slots = workers.reduce((sum, { slots, samples_per_s: speed }) => sum + (speed > 0 ? slots : 0), 0);
   const speed = workers.reduce((sum, { slots, samples_per_s: speed }) => sum + slots * speed, 0);
-  return speed > 0 ? { cost: slots / speed, isFinal: false } : null;
+  if (speed <= 0) return null;
+  const all = reports.get(scene.id) ?? { cost: 0, count: 0, latest: [] };
+  reports.set(scene.id, all);
+  if (all.latest !== workers) {
+    all.cost += slots / speed;
+    all.count += 1;
+    all.latest = workers;
+  }
+  return all.count < ENOUGH ? null : { cost: all.cost / all.count, isFinal: false };
 }
 
 /** The measurements that are held, by scene, also for the next time that the page is opened. @type {Map<string, Measurement>} */
