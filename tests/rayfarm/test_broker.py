@@ -44,7 +44,7 @@ def test_server_can_be_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert broker.find_server() == flawed
     for version, said in (
         ("Redis server v=6.0.16", r"is Redis 6.0.16; a farm needs Redis 6.2"),
-        ("Dragonfly", "no Redis or Valkey"),
+        ("Dragonfly", "not a Redis or Valkey"),
     ):
         wrong = program(tmp_path, f"server-{len(version)}", version)
         monkeypatch.setenv("RAYFARM_REDIS_SERVER", str(wrong))

@@ -29,7 +29,7 @@ def test_files_below_root_belong_to_scene(tmp_path):
     assert set(files_to_upload(scene, tmp_path)) == {"scenes/a.usda", "x.usda"}
     with opened_scene(scene, root=tmp_path) as (folder, main, _):
         assert (folder, main) == (tmp_path, "scenes/a.usda")
-    with pytest.raises(CommandError, match="no folder above"):
+    with pytest.raises(CommandError, match="not a folder above"):
         relative_to_root(tmp_path / "x.usda", inner)
 
 
