@@ -39,9 +39,8 @@ def preview_light(scene: str, request: Mapping[str, Any], farm: Farm) -> Preview
     """
     base = find_scene(scene, farm)
     preset = (request.get("environment") or {}).get("preset")
-    if preset in _tables():
-        radiance = np.repeat(_tables()[preset][..., None], 3, axis=2)
-        return PreviewLight(radiance.shape[1], radiance.shape[0], _bytes_of(radiance), [])
+    if preset in _preset_lights():
+        return _preset_lights()[preset]
     preparing = farm.engine.snapshot.preparing
     row = farm.lighting.find_row(scene, request)
     ref = None if row is None else current_preview(row, preparing.get(row.id), farm)
@@ -71,10 +70,12 @@ def current_preview(scene: Scene, progress: Progress | None, farm: Farm) -> dict
 
 
 @functools.cache
-def _tables() -> dict[str, np.ndarray]:
-    with np.load(TABLES) as kept:
-        return {name: kept[name].astype(np.float32) for name in kept.files}
+def _preset_lights() -> dict[str, PreviewLight]:
+    with np.load(TABLES) as tables:
+        return {name: _grey_light(tables[name].astype(np.float32)) for name in tables.files}
 
 
-def _bytes_of(radiance: np.ndarray) -> bytes:
-    return rgbe9995.pack(radiance).astype("<u4").tobytes()
+def _grey_light(radiance: np.ndarray) -> PreviewLight:
+    height, width = radiance.shape
+    words = rgbe9995.pack(np.repeat(radiance[..., None], 3, axis=2)).astype("<u4").tobytes()
+    return PreviewLight(width, height, words, [])

@@ -1,6 +1,5 @@
 /** The environment light that a request chooses, for the preview mesh: as the service sends it (service/scenes/light.py), turned and scaled. */
 
-import { decode } from "../film/rgb9e5.js";
 import { studio, unpacked } from "./mesh-environment.js";
 
 /** @typedef {import("./mesh-environment.js").Environment} Environment */
@@ -23,11 +22,9 @@ export const hasSun = (mesh) => mesh.environment !== null && mesh.lamps.some(({ 
 /** Stores a light for a mesh without a sun of its own. @param {MeshPacket} mesh @param {EnvironmentRequest} chosen @param {SentLight} light */
 export function keepLight(mesh, chosen, { width, height, words, lamps }) {
   const bytes = Uint8Array.from(atob(words), (each) => each.charCodeAt(0));
-  const view = new DataView(bytes.buffer);
-  const texels = new Float32Array(3 * width * height);
-  for (let i = 0; i < width * height; i++) texels.set(decode(view.getUint32(4 * i, true)), 3 * i);
+  const environment = height ? unpacked({ width, height, words: new Uint32Array(bytes.buffer) }) : null;
   const known = sent.get(mesh) ?? new Map();
-  known.set(keyOf(chosen), { environment: height ? { width, height, texels } : null, lamps: lamps.filter((lamp) => lamp.far && !isOf(mesh, lamp)) });
+  known.set(keyOf(chosen), { environment, lamps: lamps.filter((lamp) => lamp.far && !isOf(mesh, lamp)) });
   sent.set(mesh, known);
 }
 

@@ -344,7 +344,8 @@ export class Cover {
 
   dispose() {
     this.isDisposed = true;
-    for (const each of [this.uncovering, this.projection.resting]) clearTimeout(each);
+    clearTimeout(this.uncovering);
+    this.projection.dispose();
     this.lights.dispose();
     this.mesh.dispose();
   }

@@ -95,4 +95,8 @@ export class Projection {
     still.animate({ opacity: [1, 0] }, { duration: FADE_MS, fill: "forwards" });
     setTimeout(() => still.remove(), FADE_MS);
   }
+
+  dispose() {
+    clearTimeout(this.resting);
+  }
 }

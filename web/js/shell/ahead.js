@@ -38,10 +38,11 @@
     return over;
   }
 
-  /** @param {string | null} address */
-  function fetchView(address) {
+  /** @param {string | null} address @param {"auto" | "low"} [priority] */
+  function fetchView(address, priority = "auto") {
     const view = address === null ? undefined : views[address];
-    for (const href of (view && modules[view]) || []) if (!asked.has(href)) void ask(href, "auto");
+    const hrefs = (view && modules[view]) || [];
+    return Promise.all(hrefs.filter((href) => !asked.has(href)).map((href) => ask(href, priority)));
   }
 
   /** Preloads modules one after another, to leave bandwidth for other requests. @param {string[]} hrefs */
@@ -74,7 +75,7 @@
       async viewShown() {
         await fetchSlowly(modules.uploads ?? []); // so that a dropped file is handled without delay
         if (/** @type {any} */ (navigator).connection?.saveData === true) return false;
-        await Promise.all((modules.scene ?? []).filter((href) => !asked.has(href)).map((href) => ask(href, "low")));
+        await fetchView("scenes/ID", "low");
         setTimeout(() => void fetchSlowly(Object.values(modules).flat()), REST_AFTER_MS);
         return true;
       },
