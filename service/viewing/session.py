@@ -37,6 +37,7 @@ MIN_DRAFT_WAIT_S = 2.0  # the same until its draft has come
 GUIDED_AFTER_S = 2.0
 DRAFT_REST_S = 0.1  # after a draft, without a request for another view, until the view is rendered
 MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
+FIRST_PICTURE_S = 5.0  # after its first view, for which a session without a picture precedes the others
 
 
 class SettledPicture(NamedTuple):
@@ -84,6 +85,8 @@ class ViewSession:
         self.passes: Passes | None = None
         self.begun = 0.0
         self.has_picture = False  # of this view
+        self._had_picture = False  # of an earlier view
+        self._first_begun = 0.0  # when the first view began; 0: not yet
         self.served = 0  # sequence number of its latest message
         self._lock = threading.Lock()
         self._canvases: list[Canvas] = []
@@ -118,9 +121,17 @@ class ViewSession:
             self.request, self.view, self.wanted = request, view, None
             self.settings, self.passes, self._denoised = None, None, None
             self.message = self.error = None
+            self._had_picture = self._had_picture or self.has_picture
             self.begun, self.has_picture = time.monotonic(), False
+            self._first_begun = self._first_begun or self.begun
             self._canvases, self._shown, self._shown_samples = [], -1, 0
             self.draft_size, self._drafted = None, 0.0
+
+    @property
+    def awaits_first_picture(self) -> bool:
+        """Returns True if the session is being rendered and has had no picture of any view, for FIRST_PICTURE_S seconds at most."""
+        is_rendered = self.passes is not None and not self.is_paused
+        return is_rendered and not (self.has_picture or self._had_picture) and time.monotonic() - self._first_begun < FIRST_PICTURE_S
 
     def free_pictures(self) -> None:
         """Frees the pictures of a closed session at once, although other objects may still refer to the session."""

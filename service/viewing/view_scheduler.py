@@ -1,8 +1,8 @@
 """Scheduler of live views: one thread sends pieces of the views to workers and adds up their results.
 
 Views use no jobs, films or database. Their messages have a queue that slots check first. The sums are held in memory, and are
-discarded when the viewer leaves. Lost pieces are sent again. Pieces go to graphics cards first, if they render the view and are
-not busy with batches, and to CPU slots besides. While a view already shows a complete picture, it shares the slots
+discarded when the viewer leaves. Lost pieces are sent again. A page that has had no picture yet precedes the other views. Pieces go
+to graphics cards first, if they render the view and are not busy with batches, and to CPU slots besides. While a view already shows a complete picture, it shares the slots
 with other waiting work, such as preparing the scene with other lighting.
 """
 
@@ -64,6 +64,7 @@ ANSWERS_GRACE_S = 1.0  # after the last session closed, for answers on their way
 REVIEW_EVERY_S = 0.5
 DRAFT_SEND_TIMEOUT_S = 0.3  # for which a view waits for a card that has room for its draft
 LOST_AFTER_S = 3.0  # without a report of the message by any slot
+WAIT_STATED_S = 2.0  # after which a view that no slot has begun says that it waits
 FAILURES_ALLOWED = 3
 
 ALPHA = range(alpha_plane(0), alpha_plane(0) + ALPHA_PLANES)  # planes that only a transparent background has
@@ -275,18 +276,37 @@ class ViewScheduler:
             if draft_cost_s is not None:
                 draft = draft_size(settings.width, settings.height, request.samples, draft_cost_s)
         session.begin_rendering(settings, compiled, kind, cost_s, slots, denoises, card_rate, draft)
+        if session.awaits_first_picture:
+            self._take_back_others(session)
         self._set_message(session, None, slots)
 
+    def _take_back_others(self, session: ViewSession) -> None:
+        """Takes back the pieces of other views that no CPU slot has fetched, so that a session's first picture precedes them."""
+        others = [
+            out
+            for out in self._out.values()
+            if out.session is not session and out.kind == session.kind and out.pieces and not (out.card or out.has_started)
+        ]
+        for out in others:
+            if not out.session.awaits_first_picture:
+                self._take_back(out)
+
     def _send_pieces(self) -> None:
-        """Sends messages with pieces of all views, until each slot has one in progress and one queued; to cards first."""
+        """Sends messages with pieces of all views, until each slot has one in progress and one queued; to cards first.
+
+        Workers of whose kind a session awaits its first picture get no others, nor pictures to denoise.
+        """
+        kinds = {each.kind for each in self._sessions.values() if each.awaits_first_picture}
         for session in list(self._sessions.values()):
             is_asked = any(out.pick is not None and out.session is session for out in self._out.values())
             if session.pick is not None and session.passes is not None and not is_asked:
                 self._send_pick(session)
             if not session.is_paused:
-                self._send_denoise(session)
+                if session.kind not in kinds:
+                    self._send_denoise(session)
                 self._send_draft(session)
         shown = [each for each in self._sessions.values() if each.passes is not None and not each.is_paused]
+        shown = [each for each in shown if each.kind not in kinds or each.awaits_first_picture]
         waiting = {each.id: each for each in shown if each.piece_wait_s <= 0}
         while waiting:
             session = min(waiting.values(), key=lambda each: each.served)
@@ -592,9 +612,11 @@ class ViewScheduler:
                     continue
                 self._set_message(session, self._workers.unavailable_reason(session.request))
             own = [out for out in self._out.values() if out.session is session]
-            if own and not session.has_picture and now - session.begun > 1.0 and not any(out.has_started for out in own):
+            if own and not session.has_picture and now - session.begun > WAIT_STATED_S and not any(out.has_started for out in own):
                 self._set_message(
-                    session, Sentence("view-waits-for-slot", "Waits for a free slot."), self._workers.slots(session.kind)
+                    session,
+                    Sentence("view-waits-for-slot", "Starts soon: the workers finish other work first."),
+                    self._workers.slots(session.kind),
                 )
 
     def _fail_session(self, session: ViewSession, error: str) -> None:

@@ -405,6 +405,34 @@ def test_viewers_share_slots_and_hidden_page_uses_none(service: Service, worker:
         assert not worker.unwanted, "its key expired meanwhile, and is renewed before anything is handed out"
 
 
+def test_first_picture_of_a_page_precedes_other_views(service: Service, worker: PeerWorker) -> None:
+    begun: list[tuple[int, str, float]] = []
+    rest = threading.Event()
+
+    def on_part(work: ViewParts, part: Part) -> None:
+        begun.append((work.settings.seed, work.message, time.monotonic()))
+        if rest.is_set():
+            time.sleep(0.3)
+
+    worker.on_part = on_part
+    scene = service.ready_scene()
+    with look(service, scene) as one, look(service, scene) as other:
+        one.show(1, seed=1, spp=4096)
+        one.wait(1, 1)
+        rest.set()
+        time.sleep(0.4)  # each slot has a message, and another one waits for it
+        other.show(1, seed=2, spp=4096)
+        until(lambda: (other.read(), other.pictures)[1], "the other page has a picture")
+        (session,) = [each for each in service.farm.views.sessions() if each.request and each.request.settings.seed == 2]
+        first = next(at for seed, _, at in begun if seed == 2)
+        earlier = {message for _, message, at in begun if at < session.begun}
+        later = {message for seed, message, at in begun if seed == 1 and session.begun < at < first} - earlier
+        assert not later, "messages that waited are taken back"
+        rest.clear()
+        count = len(begun)
+        until(lambda: (one.read(), other.read(), {1, 2} <= {seed for seed, *_ in begun[count:]})[2], "both go on")
+
+
 def test_views_precede_batches_and_end_with_page(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     scene = service.ready_scene()
