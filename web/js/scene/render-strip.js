@@ -30,12 +30,13 @@ const MOST = 60;
  */
 export function renderStrip(scene, sides, life, isHeld) {
   const list = h("ul", { class: "strip" });
-  const hint = h("span", { class: "small quiet strip-hint" }, t("Click to show as A, Shift-click as B"));
+  const hint = h("span", { class: "small quiet strip-hint" }, t("Click a picture to show it, Shift-click another to compare."));
   const title = h("h2", { class: "strip-title" }, t("Pictures of this scene"));
   const element = h(
     "section",
     { class: "pictures", "aria-label": t("Pictures of this scene"), hidden: true },
-    h("div", { class: "row" }, title, h("span", { class: "grow" }), hint),
+    title,
+    hint,
     list,
   );
   /** @param {Job} job @param {MouseEvent} event */
@@ -88,6 +89,7 @@ function tile(job, clicked, sides) {
       const { a, b } = sides();
       const side = a === next.id ? "A" : b === next.id ? "B" : "";
       setText(about, words);
+      button.classList.toggle("finished", next.state === "finished");
       setText(letter, side);
       letter.hidden = !side;
       button.setAttribute("aria-pressed", String(side !== ""));
@@ -100,7 +102,7 @@ function tile(job, clicked, sides) {
       shown = next.state;
       at = performance.now();
       showImage(image, imageUrl({ job: next.id, frame: firstFrame(next) }, thumbnailFormat(next), { width: 240, visible: "true", ...lookOfJob(next), v: next.samples })).then(
-        () => button.removeAttribute("title"),
+        () => (button.title = name),
         ({ message }) => ((image.hidden = true), (button.title = message)),
       );
     },
