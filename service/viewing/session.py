@@ -129,9 +129,10 @@ class ViewSession:
 
     @property
     def awaits_first_picture(self) -> bool:
-        """Returns True if the session is being rendered and has had no picture of any view, for FIRST_PICTURE_S seconds at most."""
-        is_rendered = self.passes is not None and not self.is_paused
-        return is_rendered and not (self.has_picture or self._had_picture) and time.monotonic() - self._first_begun < FIRST_PICTURE_S
+        """Returns True if the session is rendered and has had no picture of any view, in its first FIRST_PICTURE_S seconds."""
+        if self.passes is None or self.is_paused or self.has_picture or self._had_picture:
+            return False
+        return time.monotonic() - self._first_begun < FIRST_PICTURE_S
 
     def free_pictures(self) -> None:
         """Frees the pictures of a closed session at once, although other objects may still refer to the session."""

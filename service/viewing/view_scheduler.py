@@ -1,9 +1,9 @@
 """Scheduler of live views: one thread sends pieces of the views to workers and adds up their results.
 
 Views use no jobs, films or database. Their messages have a queue that slots check first. The sums are held in memory, and are
-discarded when the viewer leaves. Lost pieces are sent again. A page that has had no picture yet precedes the other views. Pieces go
-to graphics cards first, if they render the view and are not busy with batches, and to CPU slots besides. While a view already shows a complete picture, it shares the slots
-with other waiting work, such as preparing the scene with other lighting.
+discarded when the viewer leaves. Lost pieces are sent again. A page that has had no picture yet precedes the other views. Pieces
+go to graphics cards first, if they render the view and are not busy with batches, and to CPU slots besides. While a view already
+shows a complete picture, it shares the slots with other waiting work, such as preparing the scene with other lighting.
 """
 
 from __future__ import annotations
@@ -612,7 +612,8 @@ class ViewScheduler:
                     continue
                 self._set_message(session, self._workers.unavailable_reason(session.request))
             own = [out for out in self._out.values() if out.session is session]
-            if own and not session.has_picture and now - session.begun > WAIT_STATED_S and not any(out.has_started for out in own):
+            has_begun = session.has_picture or any(out.has_started for out in own)
+            if own and not has_begun and now - session.begun > WAIT_STATED_S:
                 self._set_message(
                     session,
                     Sentence("view-waits-for-slot", "Starts soon: the workers finish other work first."),

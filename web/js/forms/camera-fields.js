@@ -95,7 +95,7 @@ function shownName(cameras, name, number) {
   const before = cameras.slice(0, number).filter((other) => other.name === name).length;
   const hasNamesakes = cameras.filter((other) => other.name === name).length > 1;
   if (name === AUTO_CAMERA && number === cameras.length - 1) return t("Automatic: frames the scene");
-  return hasNamesakes ? `${name} (${before + 1})` : name;
+  return t("{name}, from the file", { name: hasNamesakes ? `${name} (${before + 1})` : name });
 }
 
 /**

@@ -4,7 +4,7 @@ import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
 import { askFor, saveFile } from "../news/images.js";
-import { showError } from "../shell/tray.js";
+import { showBriefly, showError } from "../shell/tray.js";
 
 /**
  * @param {string} text
@@ -32,7 +32,7 @@ export function downloadLink(text, hint, address, { label, isLarge = false, isPl
         isAnswered = true;
         anchor.click();
         isAnswered = false;
-      } else await saveFile(anchor.href);
+      } else showBriefly(t("Saved: {file}", { file: await saveFile(anchor.href) }));
     } catch (error) {
       showError(t("{file}: not saved", { file: text }), error);
     } finally {

@@ -79,6 +79,7 @@ export async function saveFile(url) {
   anchor.download = fileName(response.headers.get("Content-Disposition") ?? "", url);
   anchor.click();
   setTimeout(() => URL.revokeObjectURL(local), 60_000); // the browser may ask where to save it first
+  return anchor.download;
 }
 
 /** @param {string} disposition @param {string} url */

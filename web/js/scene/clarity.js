@@ -8,6 +8,8 @@ export const PREPARING = t("Preparing the view …");
 /** Relative noise levels; the second is the default. */
 const LEVELS = [0.05, 0.02, 0.01];
 const DEFAULT = 0.02;
+/** @type {Record<number, string>} */
+const HOW = { 0.05: t("Quick"), 0.02: t("Clear"), 0.01: t("Clearest") };
 const MOST = 256; // samples a pixel of a view
 const KEY = "rayfarm-view-noise";
 
@@ -57,9 +59,9 @@ export function clarityField(changed) {
   const kept = read();
   const element = h(
     "select",
-    { "aria-label": t("How clear the view becomes"), title: t("How clear the view becomes") },
-    LEVELS.map((level) => h("option", { value: level, selected: level === kept }, t("To {noise} noise", { noise: percent(level) }))),
-    h("option", { value: 0, selected: kept === 0 }, t("To 256 samples")),
+    { "aria-label": t("How clear the view becomes"), title: t("How clear the view becomes: it is rendered until it has this much noise") },
+    LEVELS.map((level) => h("option", { value: level, selected: level === kept }, t("{how}, {noise} noise", { how: HOW[level] ?? "", noise: percent(level) }))),
+    h("option", { value: 0, selected: kept === 0 }, t("256 samples")),
   );
   element.addEventListener("change", () => {
     try {

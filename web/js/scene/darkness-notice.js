@@ -23,8 +23,9 @@ const DULL_STOPS = 2;
  * @param {() => void} view.brighten
  * @param {() => void} view.light chooses the studio's light
  * @param {() => void} view.reframe shows the whole scene
+ * @param {(words: string, remedy: {word: string, run: () => void} | null) => void} view.foretell says why a picture would be empty or black, and offers a remedy; "": it would not be, as far as is known
  */
-export function darknessNotice({ film, look, size, pick, isPicking, mayShow, invisible, brighten, light, reframe }) {
+export function darknessNotice({ film, look, size, pick, isPicking, mayShow, invisible, brighten, light, reframe, foretell }) {
   const words = h("span");
   const button = (/** @type {import("../base/icons.js").IconName} */ symbol, /** @type {string} */ word, /** @type {() => void} */ onclick) =>
     h("button", { class: "button small", type: "button", onclick }, icon(symbol), word);
@@ -45,10 +46,14 @@ export function darknessNotice({ film, look, size, pick, isPicking, mayShow, inv
     const missing = autoExposure(brightness) - look.value.exposure;
     const nothing = invisible();
     if (nothing) {
+      foretell(t("The picture will show nothing of the file."), null);
       for (const remedy of [studio, framing, brighter]) remedy.hidden = true; // none helps
       element.hidden = false;
       return setText(words, nothing);
     }
+    if (blackness === "unlit") foretell(t("The picture will be black, since no light reaches what the camera sees."), { word: t("Add studio light"), run: light });
+    else if (blackness === "empty") foretell(t("The picture will be black, since the camera sees nothing."), { word: t("Frame the scene"), run: reframe });
+    else foretell("", null);
     element.hidden = !dark && !blackness && missing < DULL_STOPS;
     studio.hidden = !dark && blackness !== "unlit";
     framing.hidden = !["empty", "black"].includes(blackness);
@@ -85,10 +90,10 @@ export function darknessNotice({ film, look, size, pick, isPicking, mayShow, inv
       show();
     },
 
-    /** Says at once, before any sample, that the camera sees nothing of a scene before a black background, where that is certain. */
-    foresee() {
+    /** Says at once, before any sample, that nothing of the scene can be seen, or that the camera sees nothing of it before a black background, where that is certain. @param {boolean} isBlackBehind */
+    foresee(isBlackBehind) {
       if (invisible()) show();
-      else if (!mayShow()) setBlackness("empty");
+      else if (isBlackBehind && !mayShow()) setBlackness("empty");
     },
 
     /**

@@ -181,11 +181,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     brighten: hand.exposeAuto,
     light: () => (form.light.choose("studio"), hand.expose(0)),
     reframe: () => framing.frame(),
+    foretell: form.foretell,
   });
 
-  const foresee = () => {
-    if (cover.isBlackBehind) dark.foresee();
-  };
+  const foresee = () => dark.foresee(cover.isBlackBehind);
 
   /** Exposes a new light as soon as the mesh shows it. */
   const exposePreview = () => {

@@ -69,7 +69,7 @@ export function prepareSteps(scene) {
   const times = new StepTimes(uploadSeconds.get(scene) ?? null);
   let isOver = false;
   /** What rendering is doing, and whether the picture is denoised after it. */
-  let [doing, isDenoised] = ["", isViewDenoised()];
+  let [doing, isSentence, isDenoised] = ["", false, isViewDenoised()];
   const list = h("ol", { class: "steps small number" });
   const now = () => performance.now() / 1000;
   const tick = () => {
@@ -82,6 +82,7 @@ export function prepareSteps(scene) {
       if (["upload", "compile"].includes(step) && !isCurrent && took === undefined) return null;
       if (step === "denoise" && !isDenoised) return null;
       const hint = isCurrent && h("span", { class: "quiet small" }, step === "compile" ? compileWords(took ?? 0) : (step === "render" && doing) || reasonOf(took ?? 0));
+      if (hint && step === "render" && isSentence) hint.classList.add("note");
       return h(
         "li",
         { class: isCurrent ? "current" : isDone ? "done" : "", "aria-current": isCurrent ? "step" : null },
@@ -124,6 +125,7 @@ export function prepareSteps(scene) {
     follow(samples, all, message, denoises) {
       const n = Math.min(Math.round(samples), all);
       doing = message || t("{n} of {all} samples", { n, all });
+      isSentence = message !== "";
       isDenoised = denoises;
       if (denoises && n === all && times.step) times.put("denoise", now());
     },

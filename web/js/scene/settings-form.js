@@ -40,6 +40,7 @@ const LONG_S = 600;
  * @property {(start: FormStart) => void} restore shows other settings; goals of quality and the queue stay
  * @property {(distance: number) => void} focus
  * @property {import("../forms/environment-fields.js").LightHandle} light
+ * @property {(words: string, remedy: {word: string, run: () => void} | null) => void} foretell says in place of the cost why the picture will show nothing; "": it will show something
  * @property {() => void} dispose
  */
 
@@ -55,6 +56,8 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
   const { defaults } = scene;
   const estimate = h("p", { class: "quiet small number" });
   let update = () => {};
+  /** What is wrong with the picture that the form would render. @type {{words: string, remedy: {word: string, run: () => void} | null}} */
+  let foretold = { words: "", remedy: null };
   const program = byProgram(() => request());
   /** The latest state of the scene, whose measurements are updated by each picture. */
   const known = () => scenes.value?.find(({ id }) => id === scene.id) ?? scene;
@@ -88,11 +91,11 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     const { size, shot } = parts;
     const expectation = expect(quality.get());
     const { width, height } = size.get();
-    setText(estimate, costWords(expectation));
-    estimate.title = t("{n} samples", { n: compact(width * height * quality.get() * shot.count()) });
+    if (!foretold.words) setText(estimate, costWords(expectation));
+    estimate.title = foretold.words ? "" : detailWords(expectation, width * height * quality.get() * shot.count());
     denoise.hidden = !canDenoise(workers.value);
     if (!isDenoiseChosen) clean.checked = shot.count() === 1 && isViewDenoised(); // a still looks as the view does
-    estimate.classList.toggle("long", (expectation.seconds ?? 0) > LONG_S);
+    estimate.classList.toggle("long", foretold.words !== "" || (expectation.seconds ?? 0) > LONG_S);
   };
   /** @returns {JobRequest} */
   const request = () => ({
@@ -159,6 +162,12 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
       program.update();
     },
     focus: (distance) => parts.camera.focus(distance),
+    foretell(words, remedy) {
+      if (words === foretold.words) return;
+      foretold = { words, remedy };
+      fill(estimate, words, remedy && " ", remedy && h("button", { class: "text-button", type: "button", onclick: remedy.run }, remedy.word));
+      update();
+    },
     light: {
       get: () => parts.others.lightHandle.get(),
       set: (...light) => parts.others.lightHandle.set(...light),
@@ -183,18 +192,19 @@ function showFirstProblem(form) {
   wrong?.focus();
 }
 
-/** Returns how long a picture is expected to take, and its noise, as a sentence. @param {{seconds: number | null, noise: number | null}} expectation */
-function costWords({ seconds, noise }) {
+/** Returns how long a picture is expected to take, as a sentence. @param {{seconds: number | null}} expectation */
+function costWords({ seconds }) {
   const all = workers.value;
   if (!all) return ""; // not loaded yet
   if (!all.length) return t("It waits for a worker.");
-  const slots = tn(
-    all.reduce((sum, worker) => sum + worker.slots, 0),
-    "{n} slot",
-    "{n} slots",
-  );
-  if (seconds === null) return t("The time on {slots} is known once the scene has been rendered.", { slots });
-  const estimate = t("About {time} on {slots}", { time: expectedText(seconds), slots });
-  const isBusy = jobs.value?.some(({ state }) => state === "running");
-  return (isBusy ? t("{estimate}, now busy", { estimate }) : estimate) + (noise === null ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);
+  if (seconds === null) return t("How long it takes is known once the scene has been rendered.");
+  const time = expectedText(seconds);
+  return jobs.value?.some(({ state }) => state === "running") ? t("About {time}, longer while another picture is rendered", { time }) : t("About {time}", { time });
+}
+
+/** Returns what a picture's time depends on, and its noise. @param {{noise: number | null}} expectation @param {number} samples of the whole picture */
+function detailWords({ noise }, samples) {
+  const slots = (workers.value ?? []).reduce((sum, worker) => sum + worker.slots, 0);
+  const parts = [t("{n} samples", { n: compact(samples) }), tn(slots, "{n} slot", "{n} slots"), noise !== null && t("{noise} noise", { noise: noiseText(noise) })];
+  return parts.filter(Boolean).join(", ");
 }

@@ -71,6 +71,14 @@ export class Card {
 const MOST_ERRORS = 3;
 const BRIEF_S = 6;
 
+/** Says for a few seconds that something was done. @param {string} sentence */
+export function showBriefly(sentence) {
+  announce(sentence);
+  const card = new Card(sentence);
+  card.lead.replaceWith(icon("check"));
+  setTimeout(() => card.remove(), BRIEF_S * 1000);
+}
+
 /** @typedef {{key: string, card: Card, times: number, ofPage: boolean, close: () => void}} Entry */
 
 /** The errors shown, oldest first. @type {Entry[]} */

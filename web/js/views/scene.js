@@ -34,7 +34,7 @@ import { prepareSteps, stepOf } from "../scene/prepare-steps.js";
 import { preparingView } from "../scene/preparing-view.js";
 import { meshOf, takeTurned } from "../scene/preview-mesh.js";
 import { renderStrip } from "../scene/render-strip.js";
-import { stepWords, warnings } from "../scene/scene-notices.js";
+import { invisibleWords, stepWords, warnings } from "../scene/scene-notices.js";
 import { sidesFromUrl } from "../scene/sides.js";
 import { sideNames } from "../compare/job-differences.js";
 import { removeScene } from "./scene-card.js";
@@ -143,7 +143,14 @@ function outline(scene, life, steps) {
   const url = examplePictures.get(id) || posterUrl(scene) || (thumbnail ? thumbnailUrl(id) : "");
   if (url && isOwnView) surface.style.backgroundImage = `url("${url}")`;
   if (steps.isOpen) steps.render();
-  const pills = h("div", { class: "view-pills" }, h("p", { class: "small view-state" }, PREPARING), steps.isOpen && steps.element);
+  const nothing = invisibleWords(scene);
+  const pills = h(
+    "div",
+    { class: "view-pills" },
+    h("p", { class: "small view-state" }, PREPARING),
+    nothing && h("div", { class: "view-dark" }, h("span", null, nothing)),
+    steps.isOpen && steps.element,
+  );
   const frame = h("div", { class: "live-view-frame" }, surface, pills);
   shapeView(frame, (defaults["width"] ?? 16) / (defaults["height"] ?? 9));
   return h(
