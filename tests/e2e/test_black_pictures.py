@@ -49,6 +49,10 @@ def test_black_view_says_before_its_first_samples_that_the_camera_sees_nothing(f
     expect(dark).to_contain_text("The camera sees nothing")
     expect(dark.get_by_role("button", name="Frame the scene")).to_be_visible()
     expect(page.locator(".view-state")).to_have_text("Preparing the view …")
+    cost = page.locator(".submit")
+    expect(cost).to_contain_text("The picture will be black, since the camera sees nothing.")
+    cost.get_by_role("button", name="Frame the scene").click()
+    expect(cost).not_to_contain_text("black")
     assert watched.errors == []
 
 
@@ -95,8 +99,16 @@ def test_scene_without_area_says_so_once_on_its_page_and_card(farm: Farm, watche
     expect(dark).to_contain_text(said)
     expect(dark.get_by_role("button")).to_have_count(0)
     expect(page.get_by_text("The file's camera sees nothing")).to_be_hidden()
+    expect(page.get_by_text("The picture will show nothing of the file.")).to_be_visible()
     page.goto(f"{farm.url}/#/")
-    expect(page.locator(".card", has_text="flat").get_by_text(said)).to_be_visible(timeout=60_000)
+    word = page.locator(".card", has_text="flat").get_by_text("Nothing visible")
+    expect(word).to_have_attribute("title", re.compile(said), timeout=60_000)
+
+    page.route_web_socket("**/viewport", lambda socket: None)  # keeps samples from arriving
+    page.goto(f"{farm.url}/#/scenes/{scene}")
+    page.reload()
+    expect(dark).to_contain_text(said)
+    expect(page.locator(".view-state")).to_have_text(re.compile("^Preparing the view|^Preview"))
     assert watched.errors == []
 
 

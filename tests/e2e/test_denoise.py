@@ -57,6 +57,7 @@ def test_denoised_picture_is_shown_and_film_is_unchanged(farm: Farm, watched: Wa
     with page.expect_download() as download:
         page.get_by_role("link", name="PNG, denoised").click()
     assert download.value.suggested_filename.endswith("-denoised.png")
+    expect(page.locator("#tray")).to_contain_text(f"Saved: {download.value.suggested_filename}")
     png = np.asarray(Image.open(download.value.path()).convert("RGB")).astype(int)
     assert np.abs(png - pictures[1]).max() <= 2  # the page has it as RGB9E5
     page.get_by_role("switch", name="Denoised").uncheck()

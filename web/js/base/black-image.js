@@ -22,5 +22,5 @@ export function isBlack(image) {
 /** Puts a word over a picture that shows nothing, or removes it. @param {HTMLElement} box @param {HTMLImageElement} image loaded, in the box @param {string} [reason] why nothing can be seen, if that is known */
 export function markBlack(box, image, reason = "") {
   box.querySelector(".nothing")?.remove();
-  if (reason || isBlack(image)) box.append(h("span", { class: "nothing small" }, reason || t("Nothing visible")));
+  if (reason || isBlack(image)) box.append(h("span", { class: "nothing small", title: reason }, t("Nothing visible")));
 }

@@ -86,7 +86,8 @@ export function machineCard() {
     const draining = busy ? tn(busy, " {n} slot is finishing its current work.", " {n} slots are finishing their current work.") : "";
     setText(why, worker.state === "paused" ? `${saidOf(worker, "message")}${draining}` : "");
     const now = speedOf(worker);
-    setText(speed, now ? t("{n} samples/s", { n: compact(now) }) : busy ? "–" : t("Idle"));
+    setText(speed, now ? t("{n} samples/s", { n: compact(now) }) : busy ? t("No job") : t("Idle"));
+    speed.title = !now && busy ? t("Its slots work for live views, or prepare or denoise something.") : "";
     const most = Math.max(now, ...(worker.speeds ?? []));
     setText(peak, most ? t("Last hour, up to {n}/s", { n: compact(most) }) : t("Last hour"));
     line.update(worker.speeds ?? []);
@@ -218,7 +219,7 @@ function sayWhere(label, slot, name, key) {
     ? [linkTo("jobs", slot.job), name ?? t("A picture")]
     : slot.scene
       ? [linkTo("scenes", slot.scene), t("Prepares a scene")]
-      : ["", slot.view ? t("Live view") : slot.hidden ? t("Rendering for a project that you cannot see") : t("Slot {number}", { number: Number(key) + 1 })];
+      : ["", slot.hidden ? t("Rendering for a project that you cannot see") : t("Slot {number}", { number: Number(key) + 1 })];
   const said = slot.compiling ? t("{text}, compiling", { text }) : text;
   if (label.title === `${href} ${said}`) return;
   label.title = `${href} ${said}`;

@@ -33,7 +33,7 @@ function fetchUnknown(all) {
 export function workersView() {
   setTitle(t("Workers"));
   const life = new Disposer();
-  const summary = h("p", { class: "quiet number summary" });
+  const summary = h("p", { class: "quiet number summary", title: t("A slot works on one thing at a time: a piece of a picture, a live view, a scene. By default a worker has one per processor core.") });
   const list = h("ul", { class: "machines" });
   const empty = h("div", null);
   const hereCommand = h("div", null);
