@@ -74,7 +74,7 @@ export function sharesSection(life) {
   const details = h(
     "details",
     { class: "section shares-section", ontoggle: () => void renew() },
-    h("summary", null, h("h2", null, t("Shares")), " ", h("span", { class: "quiet small" }, t("who gets how much of the workers"))),
+    h("summary", null, h("h2", null, t("Shares")), " ", h("span", { class: "quiet small" }, t("how users and projects share the workers"))),
     h(
       "div",
       { class: "stack" },
