@@ -129,8 +129,11 @@ class ViewSession:
 
     @property
     def awaits_first_picture(self) -> bool:
-        """Returns True if the session is rendered and has had no picture of any view, in its first FIRST_PICTURE_S seconds."""
-        if self.passes is None or self.is_paused or self.has_picture or self._had_picture:
+        """Returns True if the session is rendered and has had no picture of any view, in its first FIRST_PICTURE_S seconds.
+
+        A session that only renders a poster, for which no kernel is compiled, does not.
+        """
+        if not self.compiles or self.passes is None or self.is_paused or self.has_picture or self._had_picture:
             return False
         return time.monotonic() - self._first_begun < FIRST_PICTURE_S
 

@@ -226,7 +226,8 @@ def test_cameras_with_equal_names_are_distinguished(page: Page) -> None:
     front, auto = SCENE["cameras"]  # type: ignore[misc]
     open_form(page, scene={**SCENE, "cameras": [front, {**front, "name": "side"}, front, {**front, "name": "auto"}, auto]})
     camera = page.get_by_label("Camera", exact=True)
-    shown = ["front (1)", "side", "front (2)", "auto (1)", "Automatic: frames the scene"]
+    own = [f"{name}, from the file" for name in ("front (1)", "side", "front (2)", "auto (1)")]
+    shown = [*own, "Automatic: frames the scene"]
     sides = ["From the front", "From the back", "From the left", "From the right", "From above"]
     expect(camera.get_by_role("option")).to_have_text([*shown, *sides, "Custom view …"])
     for label, asked in zip(shown, ["front", "side", 2, "auto", 4], strict=False):
