@@ -47,6 +47,7 @@ export function qualityFields(defaults, changed, expect) {
     choices.map(({ name, element }) => ({ value: name, label: element })),
     choose,
   );
+  quality.aside.title = t("Samples per pixel: more of them leave less noise, and take longer.");
   const update = () => {
     for (const { spp: preset, costs, element } of choices) {
       const samples = preset ?? get();
