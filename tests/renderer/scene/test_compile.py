@@ -340,8 +340,9 @@ def test_file_camera_may_be_named_auto():
 
 
 @pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1)])
-def test_auto_camera_fills_two_thirds_with_all_points(up):
-    points = np.random.default_rng(9).normal(size=(500, 3)) * [5, 1, 2]
+@pytest.mark.parametrize("size", [(5, 1, 2), (1, 1, 4), (1, 6, 1), (6, 0.1, 6)])
+def test_auto_camera_centres_all_points_and_fills_most_of_the_picture(up, size):
+    points = np.random.default_rng(9).normal(size=(500, 3)) * size
     view = frame(points, up)
     eye, target = np.array(view.eye), np.array(view.target)
     forward = (target - eye) / np.linalg.norm(target - eye)
@@ -350,7 +351,9 @@ def test_auto_camera_fills_two_thirds_with_all_points(up):
     above = np.cross(right, forward)
     depth = (points - eye) @ forward
     slope = np.tan(np.radians(view.fov / 2))
-    x = np.abs((points - eye) @ right) / (depth * slope * ASPECT)
-    y = np.abs((points - eye) @ above) / (depth * slope)
+    x = (points - eye) @ right / (depth * slope * ASPECT)
+    y = (points - eye) @ above / (depth * slope)
     assert depth.min() > 0
-    assert 0.6 < max(x.max(), y.max()) < 0.75
+    assert max(x.max(), y.max()) == pytest.approx(0.8, abs=1e-6)
+    assert x.max() == pytest.approx(-x.min(), abs=1e-9)
+    assert y.max() == pytest.approx(-y.min(), abs=1e-9)

@@ -51,7 +51,8 @@ const STEPS = 65535;
 
 /** The service's automatic camera (renderer/scene/default_camera.py). */
 const FOV = 35;
-const MARGIN = 1.4;
+const MARGIN = 1.25;
+const CENTRING_STEPS = 8;
 const ASPECT = 3 / 2;
 const SAMPLED = 50_000; // vertices
 
@@ -266,6 +267,33 @@ const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a
 const unit = (vector) => /** @type {Vec3} */ (vector.map((value) => value / Math.hypot(...vector)));
 
 /**
+ * Moves an eye nearer to where the projections of points reach equally far to both sides, on two axes.
+ *
+ * @param {Float64Array} places
+ * @param {number} step between the points that are looked at, in numbers
+ * @param {Vec3[]} axes to the right and upwards
+ * @param {Vec3} back from the scene to the eye
+ * @param {number} away position of the eye along `back`
+ * @param {number[]} at its positions on the axes, which are changed
+ */
+function centre(places, step, axes, back, away, at) {
+  axes.forEach(([ax, ay, az], i) => {
+    const from = at[i] ?? 0;
+    let [first, firstScale, last, lastScale] = [Infinity, 1, -Infinity, 1];
+    for (let k = 0; k < places.length; k += step) {
+      const x = places[k] ?? 0;
+      const y = places[k + 1] ?? 0;
+      const z = places[k + 2] ?? 0;
+      const scale = 1 / (away - (x * back[0] + y * back[1] + z * back[2]));
+      const seen = (x * ax + y * ay + z * az - from) * scale;
+      if (seen < first) [first, firstScale] = [seen, scale];
+      if (seen > last) [last, lastScale] = [seen, scale];
+    }
+    if (last >= first) at[i] = from + (first + last) / (firstScale + lastScale);
+  });
+}
+
+/**
  * Returns the view that frames points with room around them: by default as the service's automatic camera does.
  *
  * @param {Float64Array} places
@@ -304,6 +332,7 @@ export function frame(places, towards = [0.62, 0.42, 1], up = [0, 1, 0]) {
   const size = Math.max(...high.map((value, i) => value - (low[i] ?? 0)), 1e-6);
   const reach = [0, 1].map((i) => ((highest[i] ?? 0) + (lowest[i] ?? 0)) / (2 * (slopes[i] ?? 1)));
   const away = Math.max(...reach, nearest + 0.05 * size);
+  for (let n = 0; n < CENTRING_STEPS; n++) centre(places, step, [right, above], back, away, at);
   const point = (/** @type {number} */ depth) => /** @type {Vec3} */ ([0, 1, 2].map((i) => (at[0] ?? 0) * (right[i] ?? 0) + (at[1] ?? 0) * (above[i] ?? 0) + depth * (back[i] ?? 0)));
   return { eye: point(away), target: point((nearest + farthest) / 2), up, fov: FOV };
 }
