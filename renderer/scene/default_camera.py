@@ -57,7 +57,7 @@ def frame(points: npt.NDArray[np.floating], up: Vec3 = (0.0, 1.0, 0.0)) -> View:
 def _centred(across: npt.NDArray[np.float64], scale: npt.NDArray[np.float64], at: float) -> float:
     """Returns the position on an axis from which the projections of points reach equally far to both sides.
 
-    across: positions of the points on the axis, (N,). scale: reciprocal distances along the line of sight, (N,). at: a first guess.
+    across: positions of the points on the axis, (N,). scale: reciprocals of their depths, (N,). at: a first guess.
     """
     for _ in range(CENTRING_STEPS):  # Newton's method: the extent is piecewise linear
         seen = (across - at) * scale
