@@ -273,6 +273,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const denoised = found.denoised && shownId === id && pictureId() === id; // a draft of a later view may have replaced the picture
       const isLatest = link.isLatest(id);
       surface.dataset.samples = String(samples);
+      if (found.sample_s) form.measure(found.sample_s);
       if (done || denoised || mean >= SHARP_SPP) settledId = id;
       if ((done || denoised) && hand.awaitsLight) lookForDarkness(pictureId()); // before it is shown, or if no further picture comes
       const spp = denoised ? (found.denoised_samples ?? mean) : mean;

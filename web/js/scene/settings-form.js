@@ -14,7 +14,7 @@ import { mayChange, readOnlyReason } from "../news/projects.js";
 import { openMore } from "../forms/environment-fields.js";
 import { qualityFields } from "../forms/quality-fields.js";
 import { queueFold } from "../forms/queue-fold.js";
-import { expected, expectedText } from "../forms/expected-time.js";
+import { HeldMeasurement, expected, expectedText, rangeText } from "../forms/expected-time.js";
 import { shotFields } from "../shot/shot-fields.js";
 import { settingFields } from "../forms/setting-fields.js";
 import { sizeFields } from "../forms/size-fields.js";
@@ -39,6 +39,7 @@ const LONG_S = 600;
  * @property {(view: import("../base/types.js").View) => void} turn to a view of the user's own
  * @property {(start: FormStart) => void} restore shows other settings; goals of quality and the queue stay
  * @property {(distance: number) => void} focus
+ * @property {(cost: number) => void} measure the live view has measured the seconds of a slot for a sample
  * @property {import("../forms/environment-fields.js").LightHandle} light
  * @property {() => void} dispose
  */
@@ -58,10 +59,12 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
   const program = byProgram(() => request());
   /** The latest state of the scene, whose measurements are updated by each picture. */
   const known = () => scenes.value?.find(({ id }) => id === scene.id) ?? scene;
+  const measurement = new HeldMeasurement();
   /** @param {number} spp */
   const expect = (spp) => {
     const { width, height } = parts.size.get();
-    return expected(known(), workers.value ?? [], width * height * parts.shot.count(), spp);
+    const isDenoised = clean.checked && !denoise.hidden && parts.shot.count() === 1; // the page denoises a shot's frames one by one
+    return expected(known(), measurement, scenes.value ?? [], workers.value ?? [], { pixels: width * height * parts.shot.count(), spp, isDenoised });
   };
   /** The fields that show other settings when a take is restored. @param {FormStart | null} start */
   const build = (start) => {
@@ -77,21 +80,21 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     return { shot, size, camera, others, variant, stand };
   };
   let parts = build(start);
-  const quality = qualityFields({ ...defaults, ...start?.first }, () => update(), expect);
   let isDenoiseChosen = start !== null;
-  const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(start?.denoise), onchange: () => (isDenoiseChosen = true) });
+  const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(start?.denoise), onchange: () => ((isDenoiseChosen = true), update()) });
   const denoise = h("label", { class: "check" }, clean, t("Denoise"));
+  const quality = qualityFields({ ...defaults, ...start?.first }, () => update(), expect);
   const queue = queueFold(start);
   const file = fileField(scene);
   update = () => {
-    quality.update();
     const { size, shot } = parts;
+    denoise.hidden = !canDenoise(workers.value);
+    if (!isDenoiseChosen) clean.checked = shot.count() === 1 && isViewDenoised(); // a still looks as the view does
+    quality.update();
     const expectation = expect(quality.get());
     const { width, height } = size.get();
     setText(estimate, costWords(expectation));
     estimate.title = t("{n} samples", { n: compact(width * height * quality.get() * shot.count()) });
-    denoise.hidden = !canDenoise(workers.value);
-    if (!isDenoiseChosen) clean.checked = shot.count() === 1 && isViewDenoised(); // a still looks as the view does
     estimate.classList.toggle("long", (expectation.seconds ?? 0) > LONG_S);
   };
   /** @returns {JobRequest} */
@@ -159,6 +162,11 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
       program.update();
     },
     focus: (distance) => parts.camera.focus(distance),
+    measure(cost) {
+      if (measurement.ofView === cost) return;
+      measurement.ofView = cost;
+      if (!measurement.held) update();
+    },
     light: {
       get: () => parts.others.lightHandle.get(),
       set: (...light) => parts.others.lightHandle.set(...light),
@@ -183,8 +191,8 @@ function showFirstProblem(form) {
   wrong?.focus();
 }
 
-/** Returns how long a picture is expected to take, and its noise, as a sentence. @param {{seconds: number | null, noise: number | null}} expectation */
-function costWords({ seconds, noise }) {
+/** Returns how long a picture is expected to take, and its noise, as a sentence; a blank line while that is unknown. @param {import("../forms/expected-time.js").Expectation} expectation */
+function costWords({ seconds, isSure, noise }) {
   const all = workers.value;
   if (!all) return ""; // not loaded yet
   if (!all.length) return t("It waits for a worker.");
@@ -193,8 +201,8 @@ function costWords({ seconds, noise }) {
     "{n} slot",
     "{n} slots",
   );
-  if (seconds === null) return t("The time on {slots} is known once the scene has been rendered.", { slots });
-  const estimate = t("About {time} on {slots}", { time: expectedText(seconds), slots });
+  if (seconds === null) return "\u00a0";
+  const estimate = isSure ? t("About {time} on {slots}", { time: expectedText(seconds), slots }) : t("Takes {time} on {slots}", { time: rangeText(seconds), slots });
   const isBusy = jobs.value?.some(({ state }) => state === "running");
   return (isBusy ? t("{estimate}, now busy", { estimate }) : estimate) + (noise === null ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);
 }
