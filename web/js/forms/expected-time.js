@@ -13,6 +13,8 @@ import { t } from "../base/words.js";
 const BEGIN_S = 0.7;
 /** Duration of a job relative to that of its batches, where no job of the scene was long enough to tell. */
 const USUAL_PACE = 1.2;
+/** Seconds, whatever a picture's size, until a worker denoises it and the page has it. */
+const DENOISE_BEGIN_S = 0.5;
 /** Core seconds for denoising a pixel, where the farm has not denoised any picture yet. */
 const DENOISE_CORE_S = 1.2e-5;
 /** Factor between the middle of a range and its ends: a view's cost differs by as much from that of its picture. */
@@ -54,7 +56,7 @@ function denoisingOf(scene, others, slots) {
 /** Returns the expected seconds from a job's last sample until its denoised picture. @param {Scene | undefined} scene @param {Scene[]} others @param {Worker[]} workers @param {number} pixels */
 export function denoisingTime(scene, others, workers, pixels) {
   const slots = Math.max(slotsOf(workers), 1);
-  return pixels * (scene ? denoisingOf(scene, others, slots) : DENOISE_CORE_S / slots);
+  return DENOISE_BEGIN_S + pixels * (scene ? denoisingOf(scene, others, slots) : DENOISE_CORE_S / slots);
 }
 
 /** @param {Worker[]} workers */
