@@ -237,10 +237,10 @@ export class PictureSide {
     return Math.max(1, Math.floor(this.madeOf / (film.width * film.height)));
   }
 
-  /** Whether the job has finished, and its last denoised picture is still to come. */
-  isFinishing() {
+  /** Whether the last denoised picture of the job is still to come. */
+  awaitsLast() {
     const { channel, error } = this.state.value;
-    if (channel !== DENOISED || !this.live.finished || error) return false;
+    if (channel !== DENOISED || error) return false;
     if (!this.fetched) return !this.live.isDenoisedStored; // which comes in a moment
     return this.isPreview || this.previewSpp() !== null;
   }

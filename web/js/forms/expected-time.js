@@ -18,7 +18,7 @@ const DENOISE_BEGIN_S = 0.5;
 /** Core seconds for denoising a pixel, where the farm has not denoised any picture yet. */
 const DENOISE_CORE_S = 1.2e-5;
 /** Factor between the middle of a range and its ends: a view's cost differs by as much from that of its picture. */
-const UNSURE = 1.5;
+const UNSURE = 1.4;
 /** Above this relative noise no estimate is shown, since a few bright pixels may dominate it. */
 const NO_PICTURE = 1;
 /** Times that are shown, in seconds, up to ten days: each about half as long again as the one before. */

@@ -159,7 +159,7 @@ function open(page, job, life) {
   let shownState = job.state;
   /** Shows the job's state: it is finished once its last picture is there. */
   const showState = () => {
-    finishing.update(latest.denoise === true && latest.state === "finished" && picture.isFinishing(), expectedDenoising);
+    finishing.update(latest.denoise === true && latest.state === "finished" && picture.awaitsLast(), expectedDenoising);
     const isFinishing = finishing.left() !== null;
     const state = isFinishing ? "finishing" : latest.state;
     if (state !== shownState) announce(`${latest.name}: ${stateWord(state)}`);
