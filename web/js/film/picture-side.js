@@ -30,7 +30,7 @@ const CLEAR = 16;
 /** Samples per pixel from which a preview replaces a clear picture: denoising fewer smears and frays. */
 const LEAST_SPP = 4;
 /** Time, in milliseconds, after which the first preview comes although the picture with which the job began is better: with LEAST_SPP or a quarter of what that is worth, and with any samples. */
-const [SOON_MS, AT_LAST_MS] = [2000, 8000];
+const [SOON_MS, AT_LAST_MS] = [1000, 8000];
 /** Time, in milliseconds, after which the noise is shown if no denoised picture has come: in place of a picture of another camera or light, of a rough one, and of a clear one. */
 const [STALE_MS, NOISE_AFTER_MS, NOISE_AT_LAST_MS] = [2000, 5000, 12_000];
 /** Growth of the samples with which the service renews a preview: of fewer than EARLY_SPP samples per pixel, and of more (service/scheduling/artifacts/previews.py). */
