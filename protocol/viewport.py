@@ -114,6 +114,7 @@ class ViewState(FromService):
     denoised: bool = False  # whether the picture that is shown is denoised
     denoised_samples: float | None = None  # its samples per pixel, on average; 0: it is smaller than the view
     denoises: bool = False  # whether denoised pictures of the view come
+    sample_s: float | None = None  # slot-seconds for a sample of a pixel; None while unknown, or if only cards render it
 
 
 @dataclass(frozen=True)

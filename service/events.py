@@ -20,6 +20,7 @@ __all__ = [
     "BlobsReleased",
     "Events",
     "FilmSuspected",
+    "FrameDenoised",
     "ItemChanged",
     "ItemKind",
     "PreparationRequested",
@@ -73,6 +74,15 @@ class ArtifactStored:
     """An artifact is in use, to whose blob no database row refers, until it is released by BlobsReleased."""
 
     sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class FrameDenoised:
+    """A frame of a job was denoised alone. seconds: from its request until its picture was stored. pixels: of the frame."""
+
+    job: str
+    pixels: int
+    seconds: float
 
 
 @dataclass(frozen=True, slots=True)

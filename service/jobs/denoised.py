@@ -25,6 +25,7 @@ from service.store.models import FINAL_STATES, Frame, Job, Scene
 __all__ = ["denoised_artifact", "denoised_lights_artifact"]
 
 MAX_LIGHTS_BYTES = 512 << 20
+MAX_REST_S = 10.0  # seconds that a request waits for the next preview at most; otherwise it receives the latest one
 
 _ATTEMPTS = 2
 
@@ -48,6 +49,11 @@ async def denoised_artifact(
             if existing is None:
                 raise Conflict(Sentence("no-preview-yet", "wait: no denoised preview has been made yet; leave wait out."))
             return replace(existing, is_preview=True)
+        rest_s = 0.0 if job.state in FINAL_STATES else await run_sync(farm.engine.preview_rest_s, job.id, key, film)
+        if 0.0 < rest_s <= MAX_REST_S:
+            await asyncio.sleep(rest_s)
+            if (stored := await run_sync(find_stored)) is not None:  # the job has ended meanwhile
+                return stored
         request = partial(farm.engine.denoise_preview, job.id, key, film, is_final=job.state in FINAL_STATES)
         preview = await asyncio.shield(asyncio.wrap_future(await run_sync(request)))
         if (stored := await run_sync(find_stored)) is None:

@@ -70,8 +70,9 @@ IN_SHOT_HELP = (
 )
 PREVIEW_HELP = (
     "with denoise: a quick denoised preview, of the samples that X-Samples says, unless the denoised picture of all samples is "
-    "stored already; the response then has X-Preview: true. While the job renders it is renewed when the samples have doubled, "
-    "and for at most a twentieth of the workers' time, or a fifth below 64 samples per pixel"
+    "stored already; the response then has X-Preview: true. While the job renders it is renewed when the samples have doubled "
+    "(grown by a quarter below 64 samples per pixel), for at most a twentieth (a quarter) of the workers' time; the request "
+    "waits up to 10 s for that"
 )
 WAIT_HELP = "false, with preview: the latest preview, also if a better one is due, or 409 if there is none"
 MIX_HELP = (

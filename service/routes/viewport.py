@@ -327,7 +327,7 @@ class _Viewer:
             progress = session.samples, session.max_samples, mean, session.noise, session.is_done, session.slots
             shown = session.denoised_samples
             samples = None if shown is None else round(shown, 1)
-            state = ViewState(id, *progress, message, session.is_denoised, samples, session.denoises)
+            state = ViewState(id, *progress, message, session.is_denoised, samples, session.denoises, _rounded(session.sample_s))
             if session.error is not None and self._told_error != (refused := Refused(id, session.error)):
                 self._told_error = refused
                 await self._socket.send_text(_encoded_message(refused))
@@ -336,6 +336,10 @@ class _Viewer:
         if is_urgent or now - self._sent_at > (STATE_EVERY_S if has_changed else KEEP_ALIVE_EVERY_S):
             self._sent_state, self._sent_at = state, now
             await self._socket.send_text(_encoded_message(state))
+
+
+def _rounded(seconds: float | None) -> float | None:
+    return None if seconds is None else float(f"{seconds:.3g}")
 
 
 def _encoded_message(message: FromService) -> str:

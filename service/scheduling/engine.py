@@ -22,7 +22,7 @@ from protocol.contract import VERSION_SEPARATOR, DenoiseFrame, FrameVectors, Gui
 from protocol.terms import Terms
 from renderer.sentences import Sentence
 from service.errors import FarmError, QueueError
-from service.events import Events, PreparationRequested, RowWritten
+from service.events import Events, FrameDenoised, PreparationRequested, RowWritten
 from service.scheduling.answers import Answers
 from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.artifacts import ArtifactTasks
@@ -151,6 +151,7 @@ class Engine:
         self._repaired = 0.0
         events.subscribe(RowWritten, self._row_written)
         events.subscribe(PreparationRequested, self._preparation_requested)
+        events.subscribe(FrameDenoised, self._frame_denoised, in_background=True)
 
     def start(self) -> None:
         """Starts the thread, which first loads the unfinished jobs and scenes from the database."""
@@ -198,6 +199,11 @@ class Engine:
         self._asked.put((event.scene, event.worker_kind))
         self._results.end_read()
 
+    def _frame_denoised(self, event: FrameDenoised) -> None:
+        scene = self._records.store_denoising(event.job, event.seconds, event.pixels)
+        if scene is not None:
+            self.record_change("scene", scene)
+
     def set_paused(self, worker: str, reason: str | None) -> None:
         """Pauses a worker. reason: shown to users; None: resumes the worker. Raises redis.RedisError."""
         if reason is None:
@@ -227,7 +233,9 @@ class Engine:
         """
         request = DenoiseFrame("", job, frame, film.width, film.height, frames, guide=guide)
         version = VERSION_SEPARATOR.join(film.version(each) for each, _ in frames or ((frame, ""),))
-        return self._with_wake_up(self._artifact_tasks.denoising.request(request, version))
+        answer = self._artifact_tasks.denoising.request(request, version)
+        self._artifact_tasks.previews.supersede(job, frame, answer)
+        return self._with_wake_up(answer)
 
     def _has_viewers(self) -> bool:
         return any(each.has_unfinished() for each in self._viewing)
@@ -235,10 +243,20 @@ class Engine:
     def denoise_preview(self, job: str, frame: int, film: Film, *, is_final: bool) -> Future[ArtifactResult]:
         """Returns the latest preview of a frame (previews.py), or requests one if it is due.
 
-        is_final: whether the job has ended. Raises Unavailable if no worker can denoise.
+        is_final: whether the job has ended. While the frame itself is being denoised, returns the future of that picture.
+        Raises Unavailable if no worker can denoise.
         """
+        if (better := self._artifact_tasks.denoising.answer_of(job, frame)) is not None:
+            return better
         request = DenoiseFrame("", job, frame, film.width, film.height, is_preview=True)
         return self._with_wake_up(self._artifact_tasks.previews.latest(request, film.samples(frame), is_final=is_final))
+
+    def preview_rest_s(self, job: str, frame: int, film: Film) -> float:
+        """Returns the seconds until a frame's preview may be renewed.
+
+        0: it may be now, or its samples have not grown enough.
+        """
+        return self._artifact_tasks.previews.rest_s(job, frame, film.samples(frame), film.width * film.height)
 
     def denoise_lights(self, job: str, frame: int, film: Film, lights: tuple[str, ...]) -> Future[ArtifactResult]:
         """Requests that a worker denoise the light of these groups of a frame. Raises Unavailable if no worker can."""
@@ -509,6 +527,7 @@ class Engine:
                 "put_aside": self._dead_letters.count,
             },
             batches_out=len(self._scheduler.leases),
+            has_requests=self._artifact_tasks.has_requests,
             results_unread=self._pace.unread_results,
             batch_cost_s=self._pace.batch_cost_s,
             failures=dict(self._scheduler.suspicion.failures),

@@ -240,7 +240,7 @@ class Lifecycle:
         self._records.store_progress(job)
         if gone:
             self._events.publish(BlobsReleased(gone))
-        if is_over and self._records.mark_finished(job, measured(job)):
+        if is_over and self._records.mark_finished(job, measured(job, self._scheduler.job_queue.slots_for(job))):
             job.history.log.add_line(f"finished: {job.samples:,} samples in {job.active_s:.2f} s")
             record_job_span(job, "finished")
             self._record_change("scene", job.scene)

@@ -25,7 +25,7 @@ from service.errors import Conflict
 from service.intake.resolve import refusal, resolve
 from service.scheduling.jobs.active_frame import ActiveFrame, FrameRow
 from service.scheduling.jobs.active_job import ActiveJob
-from service.scheduling.jobs.measurements import updated
+from service.scheduling.jobs.measurements import Measured, updated, with_denoising
 from service.scheduling.jobs.shares import Terms
 from service.shot import Shot
 from service.store.blends import blender_export_of, needs_blender
@@ -308,7 +308,7 @@ class Records:
             row = update(Frame).where(Frame.job == bindparam("of"), Frame.number == bindparam("key"))
             session.connection().execute(row.values(spp=bindparam("goal")), goals)
 
-    def mark_finished(self, job: ActiveJob, measured: dict[str, float | None] | None = None) -> bool:
+    def mark_finished(self, job: ActiveJob, measured: Measured | None = None) -> bool:
         """Marks a job as finished, or as failed if all its frames failed.
 
         measured: measurements of the scene (service/scheduling/jobs/measurements.py). Returns False if the job has already
@@ -341,6 +341,17 @@ class Records:
             else:  # removed here, since the job may be deleted soon
                 session.execute(delete(Wait).where(Wait.other == job.id))
             return True
+
+    def store_denoising(self, job: str, seconds: float, pixels: int) -> str | None:
+        """Stores how long a frame of a job took to denoise with the measurements of its scene. Returns the scene's id."""
+        with self._sessions.begin() as session:
+            row = session.get(Job, job)
+            if row is None:
+                return None
+            before = session.scalar(select(Scene.measured).where(Scene.id == row.scene).with_for_update())
+            latest = with_denoising(before, seconds, pixels)
+            session.execute(update(Scene).where(Scene.id == row.scene).values(measured=latest))
+            return row.scene
 
     def mark_failed(self, id: str, error: str, reproduce: str | None = None) -> bool:
         """Marks a job as failed. Returns False if it has already ended or is deleted.

@@ -76,6 +76,7 @@ class Snapshot:
     preparing: Mapping[str, Progress] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=dict)  # batches merged, dropped, failed, lost
     batches_out: int = 0
+    has_requests: bool = False  # whether clients wait for artifacts, such as denoised pictures
     results_unread: int = 0
     batch_cost_s: float = 0.0  # engine's processor time per batch
     failures: Mapping[str, int] = field(default_factory=dict)  # failed batches by worker, since the service started

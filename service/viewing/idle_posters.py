@@ -20,7 +20,7 @@ from service.viewing.view_scheduler import ViewScheduler
 __all__ = ["IdlePosters"]
 
 POLL_S = 0.25
-IDLE_S = 3.0  # time without jobs, preparations and views after which posters are rendered
+IDLE_S = 3.0  # time without jobs, preparations, denoising and views after which posters are rendered
 MAX_RENDER_S = 180.0  # limit for one poster
 RETRY_S = 300.0  # after which a poster is tried again whose kernel was not compiled
 RECENT = 24  # latest scenes whose posters are rendered: as many as the front page shows at first
@@ -87,7 +87,12 @@ class IdlePosters:
     def _is_idle(self, own: ViewSession | None = None) -> bool:
         """Returns True if workers are ready and have no work other than the view `own`."""
         board = self._board.latest
-        has_work = bool(board.preparing) or board.batches_out > 0 or any(each.state in ACTIVE for each in board.jobs.values())
+        has_work = (
+            bool(board.preparing)
+            or board.batches_out > 0
+            or board.has_requests
+            or any(each.state in ACTIVE for each in board.jobs.values())
+        )
         ready = [report for report in board.roster.ready_reports() if report.views]
         others = [each for each in self._views.sessions() if each is not own and not each.is_paused]
         is_viewed = any(each.error is None and not each.is_done for each in others)

@@ -35,6 +35,7 @@ MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this
 MIN_DRAFT_WAIT_S = 2.0  # the same until its draft has come
 # A view is denoised from GUIDES_AFTER samples on, with clean guides, if these take at most this time; else from one on.
 GUIDED_AFTER_S = 2.0
+COST_SAMPLES = 2  # per pixel, with which a view's cost is known: single pieces may be of the sky alone
 DRAFT_REST_S = 0.1  # after a draft, without a request for another view, until the view is rendered
 MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
 FIRST_PICTURE_S = 5.0  # after its first view, for which a session without a picture precedes the others
@@ -87,6 +88,7 @@ class ViewSession:
         self.has_picture = False  # of this view
         self._had_picture = False  # of an earlier view
         self._first_begun = 0.0  # when the first view began; 0: not yet
+        self._cost = (0.0, 0)  # slot-seconds and samples of this view's pieces that processors rendered in full size
         self.served = 0  # sequence number of its latest message
         self._lock = threading.Lock()
         self._canvases: list[Canvas] = []
@@ -122,7 +124,7 @@ class ViewSession:
             self.settings, self.passes, self._denoised = None, None, None
             self.message = self.error = None
             self._had_picture = self._had_picture or self.has_picture
-            self.begun, self.has_picture = time.monotonic(), False
+            self.begun, self.has_picture, self._cost = time.monotonic(), False, (0.0, 0)
             self._first_begun = self._first_begun or self.begun
             self._canvases, self._shown, self._shown_samples = [], -1, 0
             self.draft_size, self._drafted = None, 0.0
@@ -233,6 +235,21 @@ class ViewSession:
             self.has_picture = self.has_picture or canvas.samples > 0
         if self.passes is not None and canvas.tile_is_complete(piece.tile):
             self.passes.complete_tile(piece.level, piece.tile)
+
+    def record_cost(self, piece: Piece, seconds: float) -> None:
+        """Records the slot-seconds that a processor took for a piece. Those of small pictures do not count."""
+        with self._lock:
+            if piece.level == len(self._canvases) - 1:
+                tile = self._canvases[piece.level].level.tiles[piece.tile]
+                self._cost = self._cost[0] + seconds, self._cost[1] + tile.w * tile.h * piece.count
+
+    @property
+    def sample_s(self) -> float | None:
+        """Slot-seconds for one sample of a pixel of this view; None before all of its pixels have COST_SAMPLES samples."""
+        with self._lock:
+            if not self._canvases or self._canvases[-1].samples < COST_SAMPLES or not self._cost[1]:
+                return None
+            return self._cost[0] / self._cost[1]
 
     @property
     def denoises(self) -> bool:

@@ -20,7 +20,7 @@ from typing import Any
 import redis
 
 from protocol.card import card_queue
-from protocol.contract import FrameInfo, prepare_queue, render_queue
+from protocol.contract import FrameInfo, denoise_queue, prepare_queue, render_queue
 from protocol.sums import unpack_sums
 from protocol.view_parts import (
     VIEW_ANSWERS,
@@ -543,6 +543,7 @@ class ViewScheduler:
                 self._cards.update(session.request, out.card, cost_s)
             else:
                 self._costs.update(session.request, cost_s)
+                session.record_cost(piece, seconds)
         if session.message is not None:
             self._set_message(session, None, self._workers.slots(out.kind))
         if session.is_picture_due():
@@ -594,9 +595,8 @@ class ViewScheduler:
             keys.execute()
         waiting = {queue: bool(self._dispatcher.queue_length(queue)) for queue in {out.queue for out in self._out.values()}}
         kinds = {out.kind for out in self._out.values()}
-        self._shared = {
-            kind for kind in kinds if any(map(self._dispatcher.queue_length, (prepare_queue(kind), render_queue(kind))))
-        }
+        others = prepare_queue, render_queue, denoise_queue
+        self._shared = {kind for kind in kinds if any(self._dispatcher.queue_length(queue(kind)) for queue in others)}
         cards = {out.card for out in self._out.values() if out.card}
         self._shared_cards = {card for card in cards if self._dispatcher.queue_length(card_queue(card))}
         for out in list(self._out.values()):

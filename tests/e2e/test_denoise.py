@@ -106,6 +106,40 @@ def test_job_with_denoise_is_shown_and_saved_denoised(farm: Farm, watched: Watch
     assert watched.errors == []
 
 
+@pytest.mark.long
+def test_job_is_finishing_until_its_last_picture_is_denoised(farm: Farm, watched: Watched) -> None:
+    if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
+        pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
+    scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
+    page, held = watched.page, list[Route]()
+    last = re.compile(r"image\.(rgb9e5|png).*denoise=true(?!.*preview=true)")
+
+    def hold(route: Route) -> None:  # as if the denoiser needed time
+        held.append(route)
+
+    page.route(last, hold)
+    page.goto(f"{farm.url}/#/jobs")
+    page.get_by_role("heading", name="Jobs").wait_for()
+    request = {"scene": scene, **SIZE, "spp": 8, "denoise": True}
+    job = httpx.post(f"{farm.url}/api/jobs", json=request).raise_for_status().json()["id"]
+    with page.expect_request(last, timeout=60_000):
+        page.goto(f"{farm.url}/#/jobs/{job}")
+    state, line = page.locator(".job-head .chip").first, page.get_by_role("progressbar", name="Progress")
+    expect(state).to_have_text("Finishing")
+    assert int(line.get_attribute("aria-valuenow") or "100") < 100
+    page.get_by_role("button", name="Save", exact=True).click()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save without denoising").click()
+    assert download.value.suggested_filename == "Cornell-box-8spp.png"
+    expect(state).to_have_text("Finishing")
+    while held:
+        held.pop().continue_()
+    page.unroute(last, hold)
+    expect(state).to_have_text("Finished", timeout=60_000)
+    expect(page.locator(".channel-tag.right")).to_have_text("Denoised")
+    assert watched.errors == []
+
+
 # Creates a job as the scene's page does, which hands it a picture of another light, and opens the job's page.
 BEGIN = """async (request) => {
     const main = performance.getEntriesByType("resource").map(({ name }) => name).find((name) => name.endsWith("/js/main.js"));

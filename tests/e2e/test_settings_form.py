@@ -94,7 +94,7 @@ def test_quality_presets_show_expected_time_and_noise(page: Page) -> None:
     0.4 at one sample per pixel.
     """
     call(page, "news/farm", "m.workers.set([{ slots: 2, samples_per_s: 1 }]);")
-    scene = {**SCENE, "defaults": {"width": 1000, "height": 1000}, "measured": {"sample_s": 1e-6, "noise": 0.4}}
+    scene = {**SCENE, "defaults": {"width": 1000, "height": 1000}, "measured": {"sample_s": 1e-6, "noise": 0.4, "pace": 1}}
     open_form(page, scene=scene)
     choices = page.get_by_role("radiogroup", name="Quality").locator(".quality").all()
     assert [[*(part.text_content() for part in each.locator("span").all()), each.get_attribute("title")] for each in choices] == [

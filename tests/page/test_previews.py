@@ -30,14 +30,18 @@ def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> N
         assert is_due(tiles=[[0, 1], [2, 1]], worth=0, **start) is True, "the start is of another light"
         assert is_due(tiles=[[0, 3], [2, 9]], worth=4, **start) is False, "the start is sharper"
         assert is_due(tiles=[[0, 1], [2, 9]], worth=4, waited=3000, **start) is True
-        assert is_due(tiles=[[0, 15], [2, 40]], worth=16, **start) is False, "few samples smear, and the start is clear"
+        assert is_due(tiles=[[0, 15], [2, 40]], worth=16, **start) is False, "a clear start does not go at once"
         assert is_due(tiles=[[0, 16], [2, 16]], worth=16, **start) is True
-        assert is_due(tiles=[[0, 4], [2, 4]], worth=16, waited=9000, **start) is True, "the job's picture is to be seen at last"
-        assert is_due(tiles=[[0, 3], [2, 4]], worth=16, waited=9000, **start) is False
+        for worth in (16, 64):
+            assert is_due(tiles=[[0, 4], [2, 4]], worth=worth, waited=3000, **start) is True, (
+                "the job's own picture is to be seen"
+            )
+            assert is_due(tiles=[[0, 3], [2, 4]], worth=worth, waited=3000, **start) is False, "few samples smear"
+            assert is_due(tiles=[[0, 1], [2, 1]], worth=worth, waited=9000, **start) is True, "a slow scene"
     assert is_due(tiles=[[0, 8], [2, 8]], look=9999, again=True) is False, "an earlier picture is better"
     assert is_due(tiles=[[0, 8], [2, 8]], look=64, again=True) is True
-    assert is_due(tiles=[[0, 4], [2, 4]], made=17) is False
-    assert is_due(tiles=[[0, 4], [2, 4]], made=16) is True
+    for spp, made, due in ((4, 26, False), (4, 25, True), (127, 512, False), (128, 512, True)):
+        assert is_due(tiles=[[0, spp], [2, spp]], made=made) is due, "growth by a quarter below 64 samples per pixel, else by two"
 
 
 def test_film_is_shown_with_its_noise_if_no_denoised_picture_comes(node: Node) -> None:
@@ -49,7 +53,9 @@ def test_film_is_shown_with_its_noise_if_no_denoised_picture_comes(node: Node) -
     assert is_due(2500, clean="data:,", worth=0, tiles=[[0, 1]]) is False, "half of it is black"
     assert is_due(2500, clean="data:,", worth=4) is False, "noise is worse than the preview mesh"
     assert is_due(6000, clean="data:,", worth=4) is True
-    assert is_due(60_000, clean="data:,", worth=16) is False, "a clear picture of the same view is better"
+    assert is_due(6000, clean="data:,", worth=16) is False, "a clear picture of the same view is better"
+    assert is_due(13_000, clean="data:,", worth=16) is True, "but the picture is to be seen growing"
+    assert is_due(13_000, look=64, worth=16, again=True) is False
     assert is_due(2500) is False, "the poster is of the same picture"
     assert is_due(6000) is True
 
@@ -72,21 +78,64 @@ FINISHING = """
     const film = new Film(4, 2);
     film.put({ x: 0, y: 0, w: 4, h: 2, spp: 64, words: new Uint32Array(8) });
     const state = { value: { channel: "denoised", error: a.failed ? new Error("503") : null } };
-    const live = { film, isRendering: a.rendering ?? false, finished: !a.rendering };
-    const shown = { fetched: {}, madeOf: 8 * a.spp, isPreview: a.preview ?? true };
+    const live = { film, isRendering: a.rendering ?? false, finished: !a.rendering, isDenoisedStored: a.stored ?? false };
+    const shown = { fetched: a.spp ? {} : null, madeOf: a.spp ? 8 * a.spp : Infinity, isPreview: a.preview ?? true };
     const side = Object.assign(Object.create(m.PictureSide.prototype), { live, state, ...shown });
-    return [side.previewSpp(), side.isFinishing()];"""
+    return [side.previewSpp(), side.awaitsLast()];"""
 
 
 def test_finished_job_says_that_its_denoised_picture_is_to_come(node: Node) -> None:
     def said(**given: object) -> object:
         return node.call("film/picture-side", FINISHING, given)
 
-    assert said(spp=29, rendering=True) == [29, False]
+    assert said(spp=29, rendering=True) == [29, True], "the job's state may be known before its last samples are here"
     assert said(spp=29) == [29, True]
     assert said(spp=29, failed=True) == [29, False], "nothing better comes"
     assert said(spp=64) == [None, True], "a preview of all samples is not the last picture"
     assert said(spp=64, preview=False) == [None, False]
+    assert said() == [None, True], "none has been shown yet"
+    assert said(stored=True) == [None, False], "it comes at once"
+
+
+ENDS = """
+    const film = { total: 64, width: 1, height: 1 };
+    const value = { channel: "denoised", waiting: a.waiting ?? false, isFinal: a.final ?? false, error: null };
+    const state = { value, update: (change) => (state.value = change(state.value)) };
+    const live = { film, isRendering: a.rendering ?? false, finished: !a.rendering };
+    const own = { live, state, isPreview: true, fetched: a.empty ? null : {}, madeOf: 60, layer: {}, toldSpp: 0 };
+    const side = Object.assign(Object.create(m.PictureSide.prototype), own, { fetching: new AbortController() });
+    const asked = [];
+    side.fetch = () => asked.push(side.live.isRendering ? "preview" : "picture");
+    side.isPreviewDue = () => side.live.isRendering && !state.value.waiting;
+    side.lookAgain();
+    return [asked, side.fetching.signal.aborted];"""
+
+
+def test_last_picture_is_requested_at_the_end_of_a_job(node: Node) -> None:
+    def asked(**given: object) -> object:
+        return node.call("film/picture-side", ENDS, given)
+
+    assert asked() == [["picture"], False]
+    assert asked(waiting=True) == [["picture"], False], "the preview that is being made is of no use any more"
+    assert asked(waiting=True, final=True) == [[], False], "it is on its way"
+    assert asked(waiting=True, empty=True) == [[], False], "nothing is shown yet: the preview comes first"
+    assert asked(waiting=True, rendering=True) == [[], False]
+    assert asked(waiting=True, final=True, rendering=True) == [["preview"], True], "it was paused, and renders again"
+
+
+STEPS = """
+    const finishing = new m.Finishing();
+    return a.map(([at, is]) => {
+        finishing.update(is, () => 4, at);
+        return [finishing.left(at), finishing.progress(at)].map((n) => n && Number(n.toFixed(2)));
+    });"""
+
+
+def test_progress_of_the_last_picture_grows_until_it_is_there(node: Node) -> None:
+    steps = [[0, False], [1, True], [3, True], [5, True], [9, True], [100, True], [101, False], [102, True]]
+    shown = node.call("job/finishing", STEPS, steps)
+    assert [left for left, _ in shown] == [None, 4, 2, 1, 1, 1, None, 4]
+    assert [part for _, part in shown] == [0, 0, 0.45, 0.9, 0.95, 1.0, 0, 0]
 
 
 FAILS = """
@@ -110,7 +159,8 @@ def test_preview_rests_after_a_failure(node: Node) -> None:
 LOOKS = """
     const value = { channel: "denoised", isPreview: true, isLast: false };
     const state = { value, update: (change) => (state.value = change(state.value)) };
-    const idle = { isPreviewDue: () => false, isLastDue: () => false, showsNoise: () => false, fetched: {}, layer: {} };
+    const no = () => false;
+    const idle = { isPreviewDue: no, isLastDue: no, goesOn: no, showsNoise: no, fetched: {}, layer: {} };
     m.PictureSide.prototype.lookAgain.call({ ...idle, state, live: { isRendering: a } });
     return state.value.isLast;"""
 

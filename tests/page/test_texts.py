@@ -71,54 +71,44 @@ def test_expected_times_are_rounded(node: Node) -> None:
     assert node.call("forms/expected-time", "return a.map(m.expectedText);", times) == shown
 
 
-VIEW, COMPILING, BATCH, IDLE = [{"view": "v"}, {}], [{"compiling": True}, {}], [{"batch": 1}, {}], [{}, {}]
+EXPECTED = """
+    const { HeldMeasurement, expected, expectedText, rangeText } = m;
+    const worker = { slots: 2 };
+    const held = new HeldMeasurement();
+    return a.series.map(([ofView, measured]) => {
+        held.ofView = ofView;
+        const picture = { pixels: 5e5, spp: a.spp ?? 64, isDenoised: a.denoised ?? false };
+        const { seconds, isSure } = expected({ id: "s", measured }, held, a.others ?? [], a.workers ?? [worker], picture);
+        return seconds === null ? "" : isSure ? expectedText(seconds) : rangeText(seconds);
+    });"""
 
 
 @pytest.mark.parametrize(
-    ("series", "times"),
+    ("given", "times"),
     [
-        # Recorded while a view of the milk truck was rendered on two slots of a busy machine.
+        # The first measurement stays for a visit: that of the view, or of the scene's pictures.
+        ({"series": [[None, None], [1e-6, None], [9e-6, None], [9e-6, {"sample_s": 9e-6}]]}, ["", *["15 to 30 s"] * 3]),
+        ({"series": [[9e-6, {"sample_s": 1e-6}], [9e-6, {"sample_s": 5e-6}]]}, ["20 s", "20 s"]),
+        # As long as a job took beyond its batches; the last denoised picture counts, of the scene or else as of others.
+        ({"series": [[None, {"sample_s": 1e-6, "pace": 2}]]}, ["30 s"]),
+        ({"series": [[None, {"sample_s": 1e-6, "pace": 1, "denoise_s": 3e-5}]], "denoised": True}, ["30 s"]),
+        ({"series": [[None, {"sample_s": 1e-6, "pace": 1, "denoise_s": 3e-5}]]}, ["15 s"]),
+        ({"series": [[None, {"sample_s": 1e-7, "pace": 1}]], "denoised": True}, ["5 s"]),
         (
-            [(speed, VIEW, None) for speed in (303120, 188311, 241016, 311587, 514845, 211005, 588986, 327391, 603426, 125110)],
-            ["", "", *["1 min"] * 8],
+            {
+                "series": [[None, {"sample_s": 1e-7, "pace": 1}]],
+                "denoised": True,
+                "others": [{"measured": {"denoise_s": s}} for s in (9e-5, 2e-5, 1e-9)] + [{"measured": None}],
+            },
+            ["15 s"],
         ),
-        # At rest, and while jobs are rendered or kernels compiled, the speed is that of something else.
-        (
-            [
-                (1e5, IDLE, None),
-                (6e5, COMPILING, None),
-                (9e6, BATCH, None),
-                *[(9e5, VIEW, None)] * 3,
-                (1e5, IDLE, None),
-                (9e6, BATCH, None),
-            ],
-            ["", "", "", "", "", "20 s", "20 s", "20 s"],
-        ),
-        # The scene's pictures are the best measurement; one that a busy machine slowed down a little changes nothing.
-        ([(1e6, IDLE, None), (1e6, IDLE, 4e-7), (1e6, VIEW, 5.5e-7), (1e6, IDLE, 9e-7)], ["", "7 s", "7 s", "15 s"]),
+        ({"series": [[None, {"sample_s": 1e-6}]], "workers": []}, [""]),
+        ({"series": [[1e-5, None]]}, ["2 min to 5 min"]),
     ],
 )
-def test_expected_time_is_held_until_a_better_measurement_differs(
-    program: str, series: list[tuple[float, Any, float | None]], times: list[str]
-) -> None:
-    body = """
-        const shown = a.map(([speed, current, sample_s]) => {
-            const worker = { slots: 2, samples_per_s: speed, current };
-            const { seconds } = m.expected({ id: "s", measured: sample_s && { sample_s } }, [worker], 5e5, 64);
-            return seconds === null ? "" : m.expectedText(seconds);
-        });
-        return [shown, localStorage.getItem("rayfarm-costs") !== null];"""
+def test_expected_time_is_that_of_the_last_picture(program: str, given: dict[str, Any], times: list[str]) -> None:
     with Node(program, "en-GB") as fresh:
-        assert fresh.call("forms/expected-time", body, series) == [times, True]
-
-
-def test_measurements_that_another_release_stored_are_ignored(program: str) -> None:
-    body = """
-        localStorage.setItem("rayfarm-costs", "{}");
-        const { expected } = await read("/js/forms/expected-time.js");
-        return expected({ id: "s", measured: null }, [], 1, 1);"""
-    with Node(program, "en-GB") as fresh:
-        assert fresh.call("base/format", body) == {"seconds": None, "noise": None}
+        assert fresh.call("forms/expected-time", EXPECTED, given) == times
 
 
 def test_scene_size_is_formatted_briefly(node: Node) -> None:

@@ -72,7 +72,7 @@ def test_client_message_round_trip(message: FromClient, kinds: tuple[type[FromCl
             viewport.ViewState(7, 4, 256, 4.5, 0.1, False, 2, None),
             viewport.FROM_SERVICE,
             '{"type": "state", "id": 7, "samples": 4, "bound": 256, "mean": 4.5, "noise": 0.1, "done": false, "slots": 2, '
-            '"message": null, "denoised": false, "denoised_samples": null, "denoises": false}',
+            '"message": null, "denoised": false, "denoised_samples": null, "denoises": false, "sample_s": null}',
         ),
         (viewport.Refused(None, "No."), viewport.FROM_SERVICE, '{"type": "error", "id": null, "detail": "No."}'),
         (viewport.People([{"id": 1}]), viewport.FROM_SERVICE, '{"type": "people", "people": [{"id": 1}]}'),

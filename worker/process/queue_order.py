@@ -1,15 +1,16 @@
 """Order in which a worker reads its queues.
 
 Live views come first, then pieces of joint batches that this worker has begun, then batches with requirements that only some
-workers meet. The other queues are read in turn. After each message of a view, preparation of scenes comes first once, since a
-view may wait for it, for instance for a scene with other lighting.
+workers meet. The other queues are read in turn. After each message of a view, denoising comes first once, since the last picture
+of a job would otherwise wait until all views are done; then preparation of scenes, since a view may wait for it, for instance
+for a scene with other lighting.
 """
 
 from __future__ import annotations
 
 from kombu.utils.scheduling import round_robin_cycle
 
-from protocol.contract import prepare_queue
+from protocol.contract import denoise_queue, prepare_queue
 from protocol.joint import HELP_QUEUES
 from protocol.terms import NEEDS
 from protocol.view_parts import CARD_VIEW_QUEUES, VIEW_QUEUES
@@ -17,7 +18,7 @@ from protocol.view_parts import CARD_VIEW_QUEUES, VIEW_QUEUES
 __all__ = ["STRATEGY", "ViewsFirstOrder"]
 
 STRATEGY = "worker.process.queue_order:ViewsFirstOrder"  # as kombu names it
-PREPARE_QUEUES = prepare_queue("")
+DENOISE_QUEUES, PREPARE_QUEUES = denoise_queue(""), prepare_queue("")
 VIEWS = (CARD_VIEW_QUEUES, VIEW_QUEUES)
 
 
@@ -34,7 +35,7 @@ class ViewsFirstOrder(round_robin_cycle):
 
     def consume(self, n: int) -> list[str]:
         """Returns the queues in the order in which to read them."""
-        first = (PREPARE_QUEUES, *VIEWS, HELP_QUEUES) if self._was_view else (*VIEWS, HELP_QUEUES)
+        first = (DENOISE_QUEUES, PREPARE_QUEUES, *VIEWS, HELP_QUEUES) if self._was_view else (*VIEWS, HELP_QUEUES)
         return sorted(
             super().consume(n),
             key=lambda queue: next((i for i, name in enumerate(first) if queue.startswith(name)), 8 if NEEDS in queue else 9),

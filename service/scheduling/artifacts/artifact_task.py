@@ -48,6 +48,7 @@ class _PendingRequest(Generic[Request]):
     answer: Future[ArtifactResult] = field(default_factory=Future)
     lease: Lease | None = None
     sent: int = 0
+    begun: float = field(default_factory=time.monotonic)
 
 
 class ArtifactTask(ABC, Generic[Request]):
@@ -96,6 +97,10 @@ class ArtifactTask(ABC, Generic[Request]):
         """Returns the seconds after which a request without an answer fails."""
         return self._patience_s + TIMEOUT_S_PER_PIXEL * request.width * request.height
 
+    def _room(self) -> int | None:
+        """Returns how many requests may be sent now; None for any number."""
+        return None
+
     @abstractmethod
     def _is_size(self, size: int, request: Request) -> bool:
         """Returns True if `size`, in bytes, is a plausible size of the requested artifact."""
@@ -131,9 +136,35 @@ class ArtifactTask(ABC, Generic[Request]):
                 wanted = self._wanted[job, frame] = _PendingRequest(request)
             return wanted.answer
 
+    def answer_of(self, job: str, frame: int) -> Future[ArtifactResult] | None:
+        """Returns the future of a frame's artifact that is being made; None if there is none. Thread-safe."""
+        with self._lock:
+            wanted = self._wanted.get((job, frame))
+            return None if wanted is None else wanted.answer
+
+    def supersede(self, job: str, frame: int, better: Future[ArtifactResult]) -> None:
+        """Drops the request of a frame's artifact, unless it was sent. Thread-safe.
+
+        better: its clients receive the result of this future.
+        """
+        with self._lock:
+            wanted = self._wanted.get((job, frame))
+            if wanted is None or wanted.lease is not None:
+                return
+            del self._wanted[job, frame]
+
+        def pass_on(done: Future[ArtifactResult]) -> None:
+            error = done.exception()
+            if error is None:
+                wanted.answer.set_result(done.result())
+            else:
+                wanted.answer.set_exception(error)
+
+        better.add_done_callback(pass_on)
+
     def dispatch_work(self) -> None:
         """Sends the requests that are not in progress to workers. Raises QueueError."""
-        for key, wanted in self._unsent_requests():
+        for key, wanted in self._unsent_requests()[: self._room()]:
             kind = self._kind(wanted.request)
             if kind is None:
                 self._fail_request(key, self._no_worker_error())
@@ -202,12 +233,16 @@ class ArtifactTask(ABC, Generic[Request]):
             return
         self._events.publish(ArtifactStored(result.sha256))
         wanted.answer.set_result(result)
+        self._record_duration(wanted.request, time.monotonic() - wanted.begun)
         self._save_made()
         if old is not None and old.sha256 != result.sha256:
             self._delete(old.sha256)
 
     def _save_made(self) -> None:
         """Called after a change of the stored artifacts, in the thread that queries the blob store."""
+
+    def _record_duration(self, request: Request, seconds: float) -> None:
+        """Called after an artifact was stored, with the seconds since its request."""
 
     def _record_made(self, result: ArtifactResult, request: Request) -> None:
         """Called with each artifact that was made, and its request, under the lock."""

@@ -53,7 +53,12 @@ class ArtifactTasks:
     @property
     def wait_for_slots(self) -> bool:
         """Returns True if scenes or clients' requests wait for a slot or are being worked on. Frames of shots are not counted."""
-        return len(self.preparing.leases) > 0 or any(each.has_requests for each in self._aside)
+        return len(self.preparing.leases) > 0 or self.has_requests
+
+    @property
+    def has_requests(self) -> bool:
+        """Returns True if clients wait for artifacts, or frames for path guides."""
+        return any(each.has_requests for each in self._aside)
 
     def fill_artifacts(self) -> None:
         """Sends clients' open artifact requests to workers. Raises QueueError."""

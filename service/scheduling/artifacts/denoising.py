@@ -7,7 +7,7 @@ from collections.abc import Collection
 from protocol.contract import DenoiseFrame, WorkerReport, denoise_queue
 from renderer.sentences import Sentence
 from service.errors import Unavailable
-from service.events import Events
+from service.events import Events, FrameDenoised
 from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.artifact_task import ArtifactTask, Key
 from service.scheduling.artifacts.kept_artifacts import KeptArtifacts
@@ -64,6 +64,10 @@ class Denoising(ArtifactTask[DenoiseFrame]):
                 made = dict(self._made)
             self._kept.save(made)
 
+    def _record_duration(self, request: DenoiseFrame, seconds: float) -> None:
+        if not (request.is_preview or request.frames):
+            self._events.publish(FrameDenoised(request.job, request.width * request.height, seconds))
+
     def _kind(self, request: DenoiseFrame) -> str | None:
         return self._workers.roster.denoising_kind()
 
@@ -72,6 +76,16 @@ class Denoising(ArtifactTask[DenoiseFrame]):
 
     def _queue(self, kind: str) -> str:
         return denoise_queue(kind)
+
+    def _room(self) -> int:
+        """Returns how many requests may be sent now. One slot remains for live views and batches, if there are several.
+
+        The others wait here, where they can be superseded.
+        """
+        slots = sum(report.slots for report in self._able_workers())
+        with self._lock:
+            sent = sum(wanted.lease is not None for wanted in self._wanted.values())
+        return max(max(slots - 1, 1) - sent, 0)
 
     def _send(self, request: DenoiseFrame, queue: str) -> None:
         self._dispatcher.send_denoise(request, queue)

@@ -12,18 +12,21 @@ from service.scheduling.artifacts.denoising import Denoising
 __all__ = ["DenoisedPreviews"]
 
 REST = 19.0  # times the slot-seconds of the last preview until the farm makes another: previews take a twentieth of its time
-EARLY_REST = 4.0  # the same after a rough preview, of fewer samples per pixel than EARLY_SAMPLES: a fifth
+EARLY_REST = 3.0  # the same after a rough preview, of fewer samples per pixel than EARLY_SAMPLES: a quarter
 EARLY_SAMPLES = 64
-EARLY_GROWTH = 4  # growth of the samples after which a rough preview is renewed without a rest: at about 1, 4, 16 and 64 samples
+GROWTH = 2  # of the samples after which a preview is renewed
+EARLY_GROWTH = 1.25  # the same of a rough preview
+UNRESTED_GROWTH = 4  # growth after which a rough preview is renewed without a rest: at about 1, 4, 16 and 64 samples
 MOST_SECONDS = 60.0  # that a preview counts, whatever its worker reports
 
 
 class DenoisedPreviews(Denoising):
     """Denoised previews, renewed as samples come.
 
-    A frame's first preview is made at once; it is renewed when its samples have doubled. All renewals together take at most a
-    twentieth of the time of the slots that can denoise, below EARLY_SAMPLES samples per pixel at most a fifth. There a preview is
-    renewed without this limit once its frame has EARLY_GROWTH times the samples, since users watch the first minute of a picture.
+    A frame's first preview is made at once; it is renewed when its samples have grown by GROWTH, below EARLY_SAMPLES samples per
+    pixel by EARLY_GROWTH, since users watch the first minute of a picture: of one that takes 20 s there are six or seven. All
+    renewals together take at most a twentieth of the time of the slots that can denoise, below EARLY_SAMPLES at most a quarter.
+    There a preview is renewed without this limit once its frame has UNRESTED_GROWTH times the samples.
     """
 
     _rests_until = 0.0
@@ -32,21 +35,43 @@ class DenoisedPreviews(Denoising):
         """Returns a future of the frame's latest preview, which is made first if it is due.
 
         samples: of the film now, over all pixels. is_final: whether no more will come: then it is due as soon as the samples have
-        doubled. Raises Unavailable if one is due and no worker can denoise.
+        grown enough. Raises Unavailable if one is due and no worker can denoise.
         """
         made = self._made.get((request.job, request.frame))
         if made is None or not self._is_recent(made, samples, request.width * request.height, is_final):
             return self.request(request)
         return self.request(request, made.version)  # that one, if its blob is still there
 
+    def rest_s(self, job: str, frame: int, samples: int, pixels: int) -> float:
+        """Returns the seconds until a frame's preview may be renewed; 0 if it may now, or if its samples have not grown enough.
+
+        samples: of the film now, over all pixels.
+        """
+        made = self._made.get((job, frame))
+        if made is None or not self._rests(made, samples, pixels) or samples < _due_samples(made, pixels):
+            return 0.0
+        return max(self._rests_until - time.monotonic(), 0.0)
+
     def _is_recent(self, made: ArtifactResult, samples: int, pixels: int, is_final: bool = False) -> bool:
         """Returns True if the preview is not to be renewed now. A film that was lost and begun again has fewer samples."""
-        has_grown = made.samples < EARLY_SAMPLES * pixels and samples >= EARLY_GROWTH * made.samples
-        rests = not is_final and not has_grown and time.monotonic() < self._rests_until
-        return made.samples <= samples and (samples < 2 * made.samples or rests)
+        rests = not is_final and self._rests(made, samples, pixels)
+        return made.samples <= samples and (samples < _due_samples(made, pixels) or rests)
+
+    def _rests(self, made: ArtifactResult, samples: int, pixels: int) -> bool:
+        has_grown = _is_early(made, pixels) and samples >= UNRESTED_GROWTH * made.samples
+        return not has_grown and time.monotonic() < self._rests_until
 
     def _record_made(self, result: ArtifactResult, request: DenoiseFrame) -> None:
         slots = sum(report.slots for report in self._able_workers())
         seconds = min(result.seconds, MOST_SECONDS)
-        is_early = result.samples < EARLY_SAMPLES * request.width * request.height
-        self._rests_until = time.monotonic() + (EARLY_REST if is_early else REST) * seconds / max(slots, 1)
+        rest = EARLY_REST if _is_early(result, request.width * request.height) else REST
+        self._rests_until = time.monotonic() + rest * seconds / max(slots, 1)
+
+
+def _is_early(made: ArtifactResult, pixels: int) -> bool:
+    return made.samples < EARLY_SAMPLES * pixels
+
+
+def _due_samples(made: ArtifactResult, pixels: int) -> float:
+    """Returns the number of samples over all pixels with which a preview is renewed."""
+    return made.samples * (EARLY_GROWTH if _is_early(made, pixels) else GROWTH)

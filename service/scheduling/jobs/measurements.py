@@ -9,34 +9,59 @@ from service.errors import FilmLost, FilmUnavailable
 from service.scheduling.jobs.active_frame import FIRST_ESTIMATE_SAMPLES, NOISE_PLANES
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["measured", "updated"]
+__all__ = ["Measured", "measured", "updated", "with_denoising"]
 
 LEAST_S = 0.05  # slot-seconds, at least, for a usable measurement
+LEAST_ACTIVE_S = 3.0  # of a job whose duration is compared with that of its batches; a shorter one mostly starts
+BEGIN_S = 0.5  # seconds until the first batch, whatever the job's size
+MOST_PACE = 3.0  # beyond that, slots rendered something else
 SLOWER_WEIGHT = 1 / 3  # of a slower measurement, in the logarithm
 TILES = 32  # evenly spaced tiles of a frame used for its noise
 
 
-def measured(job: ActiveJob) -> dict[str, float | None] | None:
-    """Returns the measurements of a finished job; None if it rendered too little.
+Measured = dict[str, float | None]
+
+
+def measured(job: ActiveJob, slots: int) -> Measured | None:
+    """Returns the measurements of a finished job; None if it rendered too little. slots: number of slots that rendered it.
 
     `sample_s`: slot-seconds for one sample of a pixel. `noise`: relative standard error at one sample per pixel, which falls with
-    the square root of the samples; None if there were too few samples.
+    the square root of the samples; None if there were too few samples. `pace`: the job's duration, relative to that of its
+    batches on all slots: slots also make previews, and wait for batches; None if the job was too short.
     """
     if job.rendered_s < LEAST_S:
         return None
-    return {"sample_s": job.rendered_s / job.rendered, "noise": _noise(job)}
+    pace = None
+    if job.active_s >= LEAST_ACTIVE_S and job.rendered == job.samples and slots > 0:
+        pace = min(max((job.active_s - BEGIN_S) * slots / job.rendered_s, 1.0), MOST_PACE)
+    return {"sample_s": job.rendered_s / job.rendered, "noise": _noise(job), "pace": pace}
 
 
-def updated(before: dict[str, float | None] | None, latest: dict[str, float | None]) -> dict[str, float | None]:
+def with_denoising(before: Measured | None, seconds: float, pixels: int) -> Measured | None:
+    """Returns the measurements of a scene after one of its frames was denoised. None if its rendering was never measured.
+
+    `denoise_s`: seconds for a pixel, from the request until the picture is stored.
+    """
+    if not before:
+        return before
+    return {**before, "denoise_s": _smoothed(before.get("denoise_s"), seconds / pixels)}
+
+
+def updated(before: Measured | None, latest: Measured) -> Measured:
     """Returns the measurements of a scene after another picture. before: the scene's until then; None if it had none.
 
     A faster `sample_s` is adopted, since other work on a machine only slows it down. A slower one counts by a third, in the
     logarithm: it may come from such work, or from settings that cost more.
     """
-    old, new = (before or {}).get("sample_s"), latest["sample_s"]
-    if not old or not new or new <= old:
-        return latest
-    return {**latest, "sample_s": old * (new / old) ** SLOWER_WEIGHT}
+    old = before or {}
+    found = {**old, **latest, "sample_s": _smoothed(old.get("sample_s"), latest["sample_s"])}
+    if (pace := latest.get("pace") or old.get("pace")) is not None:
+        found["pace"] = pace
+    return found
+
+
+def _smoothed(old: float | None, new: float | None) -> float | None:
+    return new if not old or not new or new <= old else old * (new / old) ** SLOWER_WEIGHT
 
 
 def _noise(job: ActiveJob) -> float | None:

@@ -7,6 +7,7 @@ import io
 import math
 import threading
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +18,7 @@ from PIL import Image
 from protocol.contract import BlobRef
 from service.events import Events, RowWritten
 from service.jobs.lookup import find_scene
+from service.scheduling.snapshot import Snapshot
 from service.store.models import Scene
 from service.viewing.idle_posters import IdlePosters
 from service.viewing.poster_choice import (
@@ -336,6 +338,19 @@ def test_idle_farm_compiles_no_kernel_for_a_poster(service: Service, monkeypatch
         assert service.scene(scene)["poster"] is None
         has_kernel.set()
         until(lambda: service.scene(scene)["poster"] is not None, "the scene has a poster")
+
+
+def test_posters_wait_while_clients_wait_for_pictures() -> None:
+    """The samples of a poster would go before the last denoised picture of a job, whose user looks at it."""
+    report: Any = SimpleNamespace(views=True)
+    roster: Any = SimpleNamespace(ready_reports=lambda: [report])
+    board: Any = SimpleNamespace(latest=Snapshot(fault=None, roster=roster))
+    views: Any = SimpleNamespace(sessions=list)
+    nothing: Any = None
+    idle = IdlePosters(nothing, nothing, views, board, Events(), threading.Event())
+    assert idle._is_idle() is True
+    board.latest = replace(board.latest, has_requests=True)
+    assert idle._is_idle() is False
 
 
 def test_idle_farm_looks_for_posters_only_after_changes(monkeypatch: pytest.MonkeyPatch) -> None:

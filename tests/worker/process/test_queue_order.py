@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from protocol.card import card_queue
-from protocol.contract import prepare_queue, render_queue
+from protocol.contract import denoise_queue, prepare_queue, render_queue
 from protocol.view_parts import card_view_queue, view_queue
 from worker.process.queue_order import ViewsFirstOrder
 
@@ -21,6 +21,18 @@ def test_views_come_first_then_round_robin() -> None:
     assert turns.consume(3) == [prepare, view, render], "a view may wait for what is prepared"
     turns.rotate(prepare)
     assert turns.consume(3)[0] == view
+
+
+def test_denoising_takes_a_turn_after_each_message_of_a_view() -> None:
+    """Otherwise the last picture of a job would wait until no live view is open any more."""
+    view, render, prepare, denoise = view_queue("k"), render_queue("k"), prepare_queue("k"), denoise_queue("k")
+    turns = ViewsFirstOrder()
+    turns.update([render, view, prepare, denoise])
+    assert turns.consume(4)[0] == view
+    turns.rotate(view)
+    assert turns.consume(4)[:3] == [denoise, prepare, view]
+    turns.rotate(denoise)
+    assert turns.consume(4)[0] == view, "views do not wait for many pictures"
 
 
 def test_views_precede_batches_of_a_card() -> None:

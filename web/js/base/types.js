@@ -49,7 +49,7 @@
  * @property {string | null} [environment] replaces its own light: an image among its files, or sky:ELEVATION,AZIMUTH
  * @property {Clip[]} [clips] of its animations
  * @property {number | null} [fps] the file's own, else 24
- * @property {{sample_s: number, noise: number | null} | null} [measured] by its latest picture: seconds of a slot for a sample
+ * @property {{sample_s: number, noise: number | null, pace?: number | null, denoise_s?: number | null} | null} [measured] by its latest picture: seconds of a slot for a sample
  *     of a pixel, and the relative noise at one sample
  * @property {string[]} warnings
  * @property {boolean} [strict] whether warnings fail it

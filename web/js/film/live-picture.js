@@ -28,6 +28,7 @@ import { t } from "../base/words.js";
  * @property {() => import("./film.js").Film} shown the denoised film if the stage shows that, else the film
  * @property {(job: Job) => void} update
  * @property {(listener: (outlines: import("./pixel-overlay.js").Outline[]) => void) => void} onHands calls the listener with the tiles that workers are rendering
+ * @property {() => boolean} awaitsLast whether the job's last denoised picture is still to come
  * @property {() => void} renew fetches the shown pictures again if they are older than the film
  */
 
@@ -101,6 +102,7 @@ export function livePicture(job, display, life, changed, frame) {
       latest = next;
       outline();
     },
+    awaitsLast: () => stage.side(1)?.awaitsLast() === true,
     renew,
     onHands(listener) {
       inHand = listener;

@@ -1,7 +1,7 @@
 /**
  * One side of the stage, left or right of the wipe: a channel of a job on a layer. Colour updates live; planes are fetched, and
  * refreshed while the job runs. A denoised picture is stale from the next sample on. While the job renders, it is a preview, which is
- * renewed when the samples have doubled; the last one is of all samples.
+ * renewed as the samples grow; the last one is of all samples.
  */
 
 import { fetchImage, fetchWords } from "../news/api.js";
@@ -27,13 +27,14 @@ const PREVIEW_MS = 400;
 const FAILED_MS = 10_000;
 /** Samples per pixel that the picture with which the job began is worth if it is clear. */
 const CLEAR = 16;
-/**
- * Time, in milliseconds, after which a preview of a quarter of the samples that the first picture is worth replaces it: of a rough one, and
- * of a clear one, since denoising few samples smears and frays.
- */
-const [ROUGH_MS, CLEAR_MS] = [2000, 8000];
-/** Time, in milliseconds, after which the noise is shown if no denoised picture has come: in place of a picture of another camera or light, and of a rough one. */
-const [STALE_MS, NOISE_AFTER_MS] = [2000, 5000];
+/** Samples per pixel from which a preview replaces a clear picture: denoising fewer smears and frays. */
+const LEAST_SPP = 4;
+/** Time, in milliseconds, after which the first preview comes although the picture with which the job began is better: with LEAST_SPP or a quarter of what that is worth, and with any samples. */
+const [SOON_MS, AT_LAST_MS] = [1000, 8000];
+/** Time, in milliseconds, after which the noise is shown if no denoised picture has come: in place of a picture of another camera or light, of a rough one, and of a clear one. */
+const [STALE_MS, NOISE_AFTER_MS, NOISE_AT_LAST_MS] = [2000, 5000, 12_000];
+/** Growth of the samples with which the service renews a preview: of fewer than EARLY_SPP samples per pixel, and of more (service/scheduling/artifacts/previews.py). */
+const [EARLY_GROWTH, GROWTH, EARLY_SPP] = [1.25, 2, 64];
 
 /**
  * @typedef {object} SideState
@@ -42,6 +43,7 @@ const [STALE_MS, NOISE_AFTER_MS] = [2000, 5000];
  * @property {boolean} stale the film has more samples than the shown picture
  * @property {boolean} [isPreview] the shown picture is a preview, and is renewed while the job renders, or replaced when it has ended
  * @property {boolean} [isLast] no more samples will come
+ * @property {boolean} [isFinal] the last denoised picture is being fetched
  * @property {boolean} [isImproved] a denoised picture is shown while a better one is made
  * @property {[number, number] | null} [span] the values between which a heat map is drawn
  * @property {unknown} error why it could not be fetched
@@ -138,20 +140,20 @@ export class PictureSide {
     const { film, look, worth = 0, isAgain, isRendering } = this.live;
     const isSoon = performance.now() < this.previewAt && film.total < this.previewFrom;
     if (channel !== DENOISED || !isRendering || waiting || document.hidden || isSoon) return false;
-    if (this.madeOf !== Infinity) return film.total >= 2 * this.madeOf;
+    if (this.madeOf !== Infinity) return film.total >= this.madeOf * (this.madeOf < EARLY_SPP * film.width * film.height ? EARLY_GROWTH : GROWTH);
     const { least, waited } = this.coverage();
     if (least === 0) return false;
     if (isAgain && look) return film.total >= look.total;
-    return least >= worth || (least >= worth / 4 && waited > (worth < CLEAR ? ROUGH_MS : CLEAR_MS));
+    return least >= worth || (least >= Math.min(worth / 4, LEAST_SPP) && waited > SOON_MS) || waited > AT_LAST_MS;
   }
 
-  /** Whether the film is to be shown with its noise, since no denoised picture has come in time. A clear picture of the same view stays, and so does an earlier one. */
+  /** Whether the film is to be shown with its noise, since no denoised picture has come in time. An earlier picture stays. */
   isNoiseDue() {
     const { film, look, clean, worth = 0, isAgain } = this.live;
     if (look && !look.isDenoised && perPixel(film) > perPixel(look)) return true;
     const { waited } = this.coverage();
     const isStale = worth < 1 && Boolean(look || clean);
-    return !isAgain && worth < CLEAR && waited > (isStale ? STALE_MS : NOISE_AFTER_MS);
+    return !isAgain && waited > (isStale ? STALE_MS : worth < CLEAR ? NOISE_AFTER_MS : NOISE_AT_LAST_MS);
   }
 
   /** Returns the least samples per pixel of all tiles, and the time in milliseconds since every tile has some, or since the film of a job that has stopped is here. */
@@ -174,12 +176,24 @@ export class PictureSide {
     this.toldSpp = spp;
     const { isPreview, isLast } = this.state.value;
     if (isPreview && !isLast && this.live.isRendering === false) this.state.update((state) => ({ ...state, isLast: true })); // it is not renewed again
+    if (this.goesOn()) {
+      this.fetching.abort();
+      this.state.update((state) => ({ ...state, waiting: false, isFinal: false, isPreview: true, isLast: false }));
+    }
     if (this.isPreviewDue() || this.isLastDue()) void this.fetch();
   }
 
-  /** Whether the job has ended while a preview is shown, so that its last picture is to be denoised at once. */
+  /** Whether the job has ended while a preview is shown, so that its last picture is to be denoised at once, in place of a preview that is being made. */
   isLastDue() {
-    return this.isPreview && this.isOld();
+    const { waiting, isFinal = false, error } = this.state.value;
+    if (!this.isPreview || !this.fetched || this.live.isRendering) return false;
+    return this.isOld() || (this.state.value.channel === DENOISED && waiting && !isFinal && !error);
+  }
+
+  /** Whether a paused job renders again, so that previews are to come rather than the picture of the samples that it had. */
+  goesOn() {
+    const { channel, waiting, isFinal = false } = this.state.value;
+    return channel === DENOISED && waiting && isFinal && this.live.isRendering === true;
   }
 
   /** Whether what is shown in place of the denoised picture still has its noise. */
@@ -223,10 +237,11 @@ export class PictureSide {
     return Math.max(1, Math.floor(this.madeOf / (film.width * film.height)));
   }
 
-  /** Whether the job has finished, and its last denoised picture is still to replace a preview or an older one. */
-  isFinishing() {
+  /** Whether the last denoised picture of the job is still to come. */
+  awaitsLast() {
     const { channel, error } = this.state.value;
-    if (channel !== DENOISED || !this.fetched || !this.live.finished || error) return false;
+    if (channel !== DENOISED || error) return false;
+    if (!this.fetched) return !this.live.isDenoisedStored; // which comes in a moment
     return this.isPreview || this.previewSpp() !== null;
   }
 
@@ -312,7 +327,7 @@ export class PictureSide {
     const { signal } = (this.fetching = new AbortController());
     // Also of a job that has ended, a preview is first if nothing denoised is shown yet: the picture itself takes several times as long.
     const wantsPreview = channel === DENOISED && (this.live.isRendering === true || (!this.fetched && this.live.isRendering === false));
-    this.state.update((state) => ({ ...state, waiting: true, error: null, isPreview: wantsPreview, isLast: !this.live.isRendering, isImproved: channel === DENOISED && this.fetched !== null }));
+    this.state.update((state) => ({ ...state, waiting: true, error: null, isPreview: wantsPreview, isFinal: channel === DENOISED && !wantsPreview, isLast: !this.live.isRendering, isImproved: channel === DENOISED && this.fetched !== null }));
     try {
       if (isMix(channel)) {
         if (!this.hasCleanPlanes) await this.fetchPlanes({}, signal);

@@ -113,7 +113,6 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
       else if (side?.showsStart()) setText(tag, t("Preview"));
       else if (side?.showsNoise() && side.toldSpp && !given && !error) setText(tag, tn(side.toldSpp, "{n} sample, not denoised yet", "{n} samples, not denoised yet"));
       else if (side?.awaitsDenoised() && !given) setText(tag, waiting ? t("Denoising …") : t("Raw"));
-      else if (side?.isFinishing() && !given) setText(tag, t("Denoised, finishing …"));
       else if (spp !== null && !given) setText(tag, tn(spp, "{name} at {n} sample", "{name} at {n} samples", { name, n: count(spp) }));
       else setText(tag, `${name}${(waiting && !isImproved) || isPreview || side?.awaitsDenoised() ? " …" : ""}`);
       tag.hidden = !seen[i] || (!both && (channel === "" || side?.isEmpty() === true));

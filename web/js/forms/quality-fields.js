@@ -13,7 +13,7 @@ import { t, tn } from "../base/words.js";
 /**
  * Expected seconds on this farm and relative noise for a sample count; null if unknown.
  *
- * @typedef {(spp: number) => {seconds: number | null, noise: number | null}} Expect
+ * @typedef {(spp: number) => import("./expected-time.js").Expectation} Expect
  */
 
 /**

@@ -33,7 +33,6 @@ export function focusTool(job, picture, life) {
     icon("region"),
     toolWord(t("Region first")),
   );
-  button.title = t("Render a region first: click or drag on the picture (A); Shift and drag does it at once");
   const said = h("span");
   const end = h(
     "button",
@@ -62,6 +61,7 @@ export function focusTool(job, picture, life) {
     const { focus } = latest;
     const isOpen = OPEN.includes(latest.state);
     button.disabled = !isOpen; // it keeps its place, as the others do
+    button.title = isOpen ? t("Render a region first: click or drag on the picture (A); Shift and drag does it at once") : t("Render a region first: only before the picture is finished");
     const rect = isOpen && focus ? { x: focus[0], y: focus[1], w: focus[2], h: focus[3] } : null;
     // A click selects the pixel's tile.
     const side = latest.tile_size ?? 0;

@@ -7,6 +7,7 @@ import { freshId } from "../forms/fields.js";
 import { lightGroupOf } from "../film/channels.js";
 import { mixQuery } from "../film/light-mix.js";
 import { t } from "../base/words.js";
+import { secondsText } from "./finishing.js";
 import { whyNotDenoised } from "./denoise-fields.js";
 import { downloadLink } from "./download-link.js";
 
@@ -24,10 +25,11 @@ const FORMATS = /** @type {const} */ ([
  * @param {DisplayStore} display
  * @param {() => import("../news/api.js").Place} place which of its pictures
  * @param {boolean} hasDeep whether it has deep samples
+ * @param {() => number | null} left seconds until the denoised picture is expected; null: nothing is being denoised
  * @returns {{element: HTMLElement, split: HTMLElement, offer: (job: Pick<import("../base/types.js").Job, "samples" | "state">) => void, offerDenoised: (can: boolean) => void, preferDenoised: () => void, actions: import("../shell/shortcuts.js").Shortcut[]}}
  *     split: a button that saves a PNG, and an arrow that opens the other formats; offer: enables it once there are samples. actions: for the command palette
  */
-export function savePanel(display, place, hasDeep) {
+export function savePanel(display, place, hasDeep, left) {
   const clean = h("input", { type: "checkbox", role: "switch", checked: display.value.denoise !== "off", onchange: () => show() });
   const denoised = h("label", { class: "check" }, clean, t("Denoised"));
   const wide = h("input", { type: "checkbox", role: "switch" });
@@ -35,7 +37,7 @@ export function savePanel(display, place, hasDeep) {
   const canBeClean = () => whyNotDenoised(display.value) === "";
   const isClean = () => !denoised.hidden && clean.checked && canBeClean();
   const png = () => links[0]?.element.click();
-  const links = FORMATS.map(([format, hint]) => ({ format, element: link(display, place, format, hint, { isClean, isWide: () => wide.checked }) }));
+  const links = FORMATS.map(([format, hint]) => ({ format, element: link(display, place, format, hint, { isClean, isWide: () => wide.checked, left }) }));
   const show = () => {
     const { channel } = display.value;
     clean.disabled = !canBeClean();
@@ -148,18 +150,24 @@ export function row(text, links) {
  * @param {() => import("../news/api.js").Place} place
  * @param {"png" | "exr" | "avif" | "jxl" | "jpg"} format
  * @param {string} hint
- * @param {{isClean: () => boolean, isWide: () => boolean}} choices isClean: the denoised picture is saved; isWide: a JPG gets a gain map
+ * @param {{isClean: () => boolean, isWide: () => boolean, left: () => number | null}} choices isClean: the denoised picture is saved; isWide: a JPG gets a gain map; left: seconds until the denoised one is expected
  */
-function link(display, place, format, hint, { isClean, isWide }) {
-  const address = () => {
+function link(display, place, format, hint, { isClean, isWide, left }) {
+  const address = (clean = isClean()) => {
     const { exposure, curve, channel, mix } = display.value;
     /** @type {Record<string, string | number>} */
     const query = { ...(channel ? { aov: channel } : mixQuery(mix)) };
     if (HIGH_RANGE.includes(format) || (!channel && format !== "exr")) query.exposure = exposure;
     if (!channel && (format === "png" || format === "jpg")) query.tonemap = curve;
     if (format === "jpg" && isWide() && (!channel || lightGroupOf(channel) !== null)) query.gain_map = "true";
-    if (isClean()) query.denoise = "true";
+    if (clean) query.denoise = "true";
     return imageUrl(place(), format, query);
   };
-  return downloadLink(format.toUpperCase(), hint, address, { isPlain: true });
+  const alternative = () => {
+    const seconds = isClean() ? left() : null;
+    if (seconds === null) return null;
+    const sentence = t("{file}: the picture is being denoised, {time}.", { file: format.toUpperCase(), time: secondsText(seconds) });
+    return { sentence, label: t("Save without denoising"), address: address(false) };
+  };
+  return downloadLink(format.toUpperCase(), hint, () => address(), { isPlain: true, alternative });
 }

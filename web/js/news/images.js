@@ -70,9 +70,12 @@ async function fetchOrThrow(url, isWanted) {
  * browser's list of downloads.
  *
  * @param {string} url
+ * @param {() => boolean} [isWanted] false: it is dropped when it arrives
+ * @returns {Promise<string>} the file's name; "" if it was dropped
  */
-export async function saveFile(url) {
+export async function saveFile(url, isWanted = () => true) {
   const response = await fetchOrThrow(url);
+  if (!isWanted()) return "";
   const local = URL.createObjectURL(await response.blob());
   const anchor = document.createElement("a");
   anchor.href = local;

@@ -23,9 +23,9 @@ const DULL_STOPS = 2;
  * @param {() => void} view.brighten
  * @param {() => void} view.light chooses the studio's light
  * @param {() => void} view.reframe shows the whole scene
- * @param {(words: string, remedy: {word: string, run: () => void} | null) => void} view.foretell says why a picture would be empty or black, and offers a remedy; "": it would not be, as far as is known
+ * @param {(words: string, remedy: {word: string, run: () => void} | null) => void} view.setCaution says why a picture would be empty or black, and offers a remedy; "": it would not be, as far as is known
  */
-export function darknessNotice({ film, look, size, pick, isPicking, mayShow, invisible, brighten, light, reframe, foretell }) {
+export function darknessNotice({ film, look, size, pick, isPicking, mayShow, invisible, brighten, light, reframe, setCaution }) {
   const words = h("span");
   const button = (/** @type {import("../base/icons.js").IconName} */ symbol, /** @type {string} */ word, /** @type {() => void} */ onclick) =>
     h("button", { class: "button small", type: "button", onclick }, icon(symbol), word);
@@ -46,14 +46,14 @@ export function darknessNotice({ film, look, size, pick, isPicking, mayShow, inv
     const missing = autoExposure(brightness) - look.value.exposure;
     const nothing = invisible();
     if (nothing) {
-      foretell(t("The picture will show nothing of the file."), null);
+      setCaution(t("The picture will show nothing of the file."), null);
       for (const remedy of [studio, framing, brighter]) remedy.hidden = true; // none helps
       element.hidden = false;
       return setText(words, nothing);
     }
-    if (blackness === "unlit") foretell(t("The picture will be black, since no light reaches what the camera sees."), { word: t("Add studio light"), run: light });
-    else if (blackness === "empty") foretell(t("The picture will be black, since the camera sees nothing."), { word: t("Frame the scene"), run: reframe });
-    else foretell("", null);
+    if (blackness === "unlit") setCaution(t("The picture will be black, since no light reaches what the camera sees."), { word: t("Add studio light"), run: light });
+    else if (blackness === "empty") setCaution(t("The picture will be black, since the camera sees nothing."), { word: t("Frame the scene"), run: reframe });
+    else setCaution("", null);
     element.hidden = !dark && !blackness && missing < DULL_STOPS;
     studio.hidden = !dark && blackness !== "unlit";
     framing.hidden = !["empty", "black"].includes(blackness);
@@ -91,7 +91,7 @@ export function darknessNotice({ film, look, size, pick, isPicking, mayShow, inv
     },
 
     /** Says at once, before any sample, that nothing of the scene can be seen, or that the camera sees nothing of it before a black background, where that is certain. @param {boolean} isBlackBehind */
-    foresee(isBlackBehind) {
+    warnEarly(isBlackBehind) {
       if (invisible()) show();
       else if (isBlackBehind && !mayShow()) setBlackness("empty");
     },

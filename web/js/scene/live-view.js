@@ -156,7 +156,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const cover = new Cover(
     scene,
     known ? { url: known, nearest: "", isFinished: true, isSame: true, isClear: true, steps: meanwhile.steps } : { ...meanwhile, isSame: meanwhile.isSame && isDenoised },
-    { surface, canvas, picture, mesh, view: form.view, laid: () => (foresee(), exposePreview()), willBeDenoised: () => denoise.isOn() && form.request().background !== "transparent" }, // the denoiser makes no alpha
+    { surface, canvas, picture, mesh, view: form.view, laid: () => (warnEarly(), exposePreview()), willBeDenoised: () => denoise.isOn() && form.request().background !== "transparent" }, // the denoiser makes no alpha
   );
   const hand = exposureHand(() => film.film);
   const aspect = () => (request().width ?? 1) / (request().height ?? 1);
@@ -181,10 +181,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     brighten: hand.exposeAuto,
     light: () => (form.light.choose("studio"), hand.expose(0)),
     reframe: () => framing.frame(),
-    foretell: form.foretell,
+    setCaution: form.setCaution,
   });
 
-  const foresee = () => dark.foresee(cover.isBlackBehind);
+  const warnEarly = () => dark.warnEarly(cover.isBlackBehind);
 
   /** Exposes a new light as soon as the mesh shows it. */
   const exposePreview = () => {
@@ -272,6 +272,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const denoised = found.denoised && shownId === id && pictureId() === id; // a draft of a later view may have replaced the picture
       const isLatest = link.isLatest(id);
       surface.dataset.samples = String(samples);
+      if (found.sample_s) form.measure(found.sample_s);
       if (done || denoised || mean >= SHARP_SPP) settledId = id;
       if ((done || denoised) && hand.awaitsLight) lookForDarkness(pictureId()); // before it is shown, or if no further picture comes
       const spp = denoised ? (found.denoised_samples ?? mean) : mean;
@@ -324,7 +325,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     }
     cover.follow();
     if (isSeen && cover.isInstead) say(previewWords(false, cover.isOtherLight), false); // the counts were of the view before
-    foresee();
+    warnEarly();
     exposePreview();
     framing.update();
     others.changed();

@@ -14,7 +14,7 @@ import { mayChange, readOnlyReason } from "../news/projects.js";
 import { openMore } from "../forms/environment-fields.js";
 import { qualityFields } from "../forms/quality-fields.js";
 import { queueFold } from "../forms/queue-fold.js";
-import { expected, expectedText } from "../forms/expected-time.js";
+import { HeldMeasurement, expected, expectedText, rangeText } from "../forms/expected-time.js";
 import { shotFields } from "../shot/shot-fields.js";
 import { settingFields } from "../forms/setting-fields.js";
 import { sizeFields } from "../forms/size-fields.js";
@@ -39,8 +39,9 @@ const LONG_S = 600;
  * @property {(view: import("../base/types.js").View) => void} turn to a view of the user's own
  * @property {(start: FormStart) => void} restore shows other settings; goals of quality and the queue stay
  * @property {(distance: number) => void} focus
+ * @property {(cost: number) => void} measure the live view has measured the seconds of a slot for a sample
  * @property {import("../forms/environment-fields.js").LightHandle} light
- * @property {(words: string, remedy: {word: string, run: () => void} | null) => void} foretell says in place of the cost why the picture will show nothing; "": it will show something
+ * @property {(words: string, remedy: {word: string, run: () => void} | null) => void} setCaution says in place of the cost why the picture will show nothing; "": it will show something
  * @property {() => void} dispose
  */
 
@@ -57,14 +58,16 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
   const estimate = h("p", { class: "quiet small number" });
   let update = () => {};
   /** What is wrong with the picture that the form would render. @type {{words: string, remedy: {word: string, run: () => void} | null}} */
-  let foretold = { words: "", remedy: null };
+  let caution = { words: "", remedy: null };
   const program = byProgram(() => request());
   /** The latest state of the scene, whose measurements are updated by each picture. */
   const known = () => scenes.value?.find(({ id }) => id === scene.id) ?? scene;
+  const measurement = new HeldMeasurement();
   /** @param {number} spp */
   const expect = (spp) => {
     const { width, height } = parts.size.get();
-    return expected(known(), workers.value ?? [], width * height * parts.shot.count(), spp);
+    const isDenoised = clean.checked && !denoise.hidden && parts.shot.count() === 1; // the page denoises a shot's frames one by one
+    return expected(known(), measurement, scenes.value ?? [], workers.value ?? [], { pixels: width * height * parts.shot.count(), spp, isDenoised });
   };
   /** The fields that show other settings when a take is restored. @param {FormStart | null} start */
   const build = (start) => {
@@ -80,22 +83,22 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     return { shot, size, camera, others, variant, stand };
   };
   let parts = build(start);
-  const quality = qualityFields({ ...defaults, ...start?.first }, () => update(), expect);
   let isDenoiseChosen = start !== null;
-  const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(start?.denoise), onchange: () => (isDenoiseChosen = true) });
+  const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(start?.denoise), onchange: () => ((isDenoiseChosen = true), update()) });
   const denoise = h("label", { class: "check" }, clean, t("Denoise"));
+  const quality = qualityFields({ ...defaults, ...start?.first }, () => update(), expect);
   const queue = queueFold(start);
   const file = fileField(scene);
   update = () => {
-    quality.update();
     const { size, shot } = parts;
-    const expectation = expect(quality.get());
-    const { width, height } = size.get();
-    if (!foretold.words) setText(estimate, costWords(expectation));
-    estimate.title = foretold.words ? "" : detailWords(expectation, width * height * quality.get() * shot.count());
     denoise.hidden = !canDenoise(workers.value);
     if (!isDenoiseChosen) clean.checked = shot.count() === 1 && isViewDenoised(); // a still looks as the view does
-    estimate.classList.toggle("long", foretold.words !== "" || (expectation.seconds ?? 0) > LONG_S);
+    quality.update();
+    const expectation = expect(quality.get());
+    const { width, height } = size.get();
+    if (!caution.words) setText(estimate, costWords(expectation));
+    estimate.title = caution.words ? "" : detailWords(expectation, width * height * quality.get() * shot.count());
+    estimate.classList.toggle("long", caution.words !== "" || (expectation.seconds ?? 0) > LONG_S);
   };
   /** @returns {JobRequest} */
   const request = () => ({
@@ -162,9 +165,14 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
       program.update();
     },
     focus: (distance) => parts.camera.focus(distance),
-    foretell(words, remedy) {
-      if (words === foretold.words) return;
-      foretold = { words, remedy };
+    measure(cost) {
+      if (measurement.ofView === cost) return;
+      measurement.ofView = cost;
+      if (!measurement.held) update();
+    },
+    setCaution(words, remedy) {
+      if (words === caution.words) return;
+      caution = { words, remedy };
       fill(estimate, words, remedy && " ", remedy && h("button", { class: "text-button", type: "button", onclick: remedy.run }, remedy.word));
       update();
     },
@@ -192,12 +200,13 @@ function showFirstProblem(form) {
   wrong?.focus();
 }
 
-/** Returns how long a picture is expected to take, as a sentence. @param {{seconds: number | null}} expectation */
-function costWords({ seconds }) {
+/** Returns how long a picture is expected to take, as a sentence; a blank line while that is unknown. @param {import("../forms/expected-time.js").Expectation} expectation */
+function costWords({ seconds, isSure }) {
   const all = workers.value;
   if (!all) return ""; // not loaded yet
   if (!all.length) return t("It waits for a worker.");
-  if (seconds === null) return t("How long it takes is known once the scene has been rendered.");
+  if (seconds === null) return "\u00a0";
+  if (!isSure) return t("Takes {time}", { time: rangeText(seconds) });
   const time = expectedText(seconds);
   return jobs.value?.some(({ state }) => state === "running") ? t("About {time}, longer while another picture is rendered", { time }) : t("About {time}", { time });
 }

@@ -20,6 +20,7 @@ import { t } from "../base/words.js";
  * @property {boolean} denoised whether the picture that is shown is denoised
  * @property {number | null} [denoised_samples] its samples per pixel; 0: it is smaller than the view
  * @property {boolean} denoises whether denoised pictures of the view come
+ * @property {number | null} [sample_s] seconds of a slot for a sample of a pixel; null while unknown
  * @property {string | null} message why no new pictures arrive
  * @property {import("../base/types.js").Codes} [codes]
  *

@@ -11,6 +11,7 @@ const STATES = {
   queued: ["clock", t("Queued")],
   running: ["play", t("Rendering")],
   paused: ["pause", t("Paused")],
+  finishing: ["clock", t("Finishing")],
   finished: ["check", t("Finished")],
   failed: ["warning", t("Failed")],
   cancelled: ["stop", t("Cancelled")],

@@ -162,10 +162,12 @@ export function showError(title, error, { remedy, action, ofPage = false, brief 
  *
  * @param {string} sentence
  * @param {{label: string, run: () => void}[]} actions
+ * @returns {() => void} removes it
  */
 export function showActionNotice(sentence, ...actions) {
   const card = new Card(sentence);
   offer(card, () => card.remove(), sentence, actions);
+  return () => card.remove();
 }
 
 /**

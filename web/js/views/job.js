@@ -19,6 +19,8 @@ import { blackNotice } from "../scene/black-notice.js";
 import { doubtNotice } from "../job/doubt-notice.js";
 import { queuePanel } from "../job/queue-panel.js";
 import { livePicture } from "../film/live-picture.js";
+import { Finishing } from "../job/finishing.js";
+import { denoisingTime } from "../forms/expected-time.js";
 import { focusTool } from "../job/focus-tool.js";
 import { jobTitle, notePanel } from "../job/name-and-note.js";
 import { notesPanel } from "../job/notes-panel.js";
@@ -107,6 +109,7 @@ export function jobView(id) {
  */
 function open(page, job, life) {
   let latest = job;
+  let isOpened = false;
   const display = displayFromUrl(job);
   const normalise = () => {
     const exposure = picture.film.normalisingExposure();
@@ -114,14 +117,15 @@ function open(page, job, life) {
   };
   const look = displayPanel(display, job.settings, { normalise, denoise: () => picture.renew(), usual: jobLook(job).exposure });
   const asked = isShot(job) ? askedFrame(job) : undefined;
-  const picture = livePicture(job, display, life, ({ left, right }) => (look.updateDenoise(right), look.updateHeat(left)), asked);
+  const picture = livePicture(job, display, life, ({ left, right }) => (look.updateDenoise(right), look.updateHeat(left), isOpened && showState()), asked);
   picture.onHands(look.showHands);
   const history = historyPanel(() => latest, life);
   const moments = isShot(job) ? null : momentsPanel(() => latest, picture, display, life);
   const log = logPanel(() => latest, life);
   const shot = isShot(job) ? shotDesk(() => latest, picture, display, life) : null;
   page.classList.toggle("with-shot", shot !== null);
-  const save = savePanel(display, () => picture.live, Boolean(job.settings?.deep));
+  const finishing = new Finishing();
+  const save = savePanel(display, () => picture.live, Boolean(job.settings?.deep), () => finishing.left());
   const unsaved = h("p", { class: "side-section quiet small" }, t("Pictures can be saved after the first samples, at any time."));
   const actions = actionsPanel();
   const keep = keepButton();
@@ -150,7 +154,21 @@ function open(page, job, life) {
   const chip = stateChip(job.state);
   const judged = verdictChip();
   const line = progressBar(t("Progress"));
+  const expectedDenoising = () => denoisingTime(scenes.value?.find(({ id }) => id === latest.scene), scenes.value ?? [], workers.value ?? [], (job.width ?? 1) * (job.height ?? 1));
+  /** @type {string} */
+  let shownState = job.state;
+  /** Shows the job's state: it is finished once its last picture is there. */
+  const showState = () => {
+    finishing.update(latest.denoise === true && latest.state === "finished" && picture.awaitsLast(), expectedDenoising);
+    const isFinishing = finishing.left() !== null;
+    const state = isFinishing ? "finishing" : latest.state;
+    if (state !== shownState) announce(`${latest.name}: ${stateWord(state)}`);
+    shownState = state;
+    chip.update(state);
+    line.update(isFinishing ? finishing.progress() : latest.progress, state);
+  };
   life.every(1000, progress.tick);
+  life.every(250, () => finishing.left() !== null && showState());
 
   const saveButton = save.split; // what most want of a finished picture
 
@@ -214,6 +232,8 @@ function open(page, job, life) {
     bar.append(chip.element, judged.element, actions.element);
     if (narrow.matches) actions.element.append(keep.element);
     (phone.matches ? bar : head).append(saveButton, ...others);
+    if (phone.matches) picture.statusBar.before(progress.element); // the numbers come before the tools
+    else aside.prepend(progress.element);
     if (narrow.matches) return;
     title.element.after(chip.element, judged.element);
     saveButton.before(actions.element);
@@ -234,6 +254,7 @@ function open(page, job, life) {
     sideEdge(() => aside, life),
   );
   arrange();
+  isOpened = true;
 
   return (next) => {
     save.element.hidden = next.samples === 0;
@@ -241,14 +262,12 @@ function open(page, job, life) {
     save.offer(next);
     // The buttons that go would take a line with them, and move all that is below.
     if (narrow.matches && next.state !== latest.state) bar.style.minHeight = `${bar.offsetHeight}px`;
-    if (next.state !== latest.state) announce(`${next.name}: ${stateWord(next.state)}`);
     latest = next;
+    showState();
     denoiseFirst();
     notices.update();
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
-    chip.update(next.state);
     judged.update(next.review);
-    line.update(next.progress, next.state);
     for (const part of [title, note, look, picture, actions, keep, progress, doubt, queue, focus, history, moments, whose, shot, notes]) part?.update(next);
   };
 }

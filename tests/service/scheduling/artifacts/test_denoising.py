@@ -77,6 +77,44 @@ def test_denoised_picture_is_made_by_worker_and_raw_one_is_unchanged(service: Se
 
 
 @pytest.mark.long
+def test_last_picture_goes_before_previews(service: Service, worker: PeerWorker) -> None:
+    """A preview that has not begun is not made any more once the picture itself is requested, and its clients receive that."""
+    busy, job = finished(service), finished(service)
+    begun, go = threading.Event(), threading.Event()
+    worker.on_denoise = lambda _: (begun.set(), go.wait(20), None)[-1]
+    waiting = service.farm.engine._artifact_tasks.previews._wanted
+    with ThreadPoolExecutor(4) as pool:
+        first = pool.submit(raw, service, busy, "?denoise=true&preview=true")
+        assert begun.wait(20)
+        preview = pool.submit(raw, service, job, "?denoise=true&preview=true")
+        until(lambda: (job, 0) in waiting, "its preview is requested")
+        picture = pool.submit(raw, service, job, "?denoise=true")
+        until(lambda: (job, 0) not in waiting, "the preview is dropped")
+        later = pool.submit(raw, service, job, "?denoise=true&preview=true")
+        go.set()
+        assert {each.result().status_code for each in (first, preview, picture, later)} == {200}
+    assert preview.result().content == picture.result().content == later.result().content
+    assert "x-preview" not in preview.result().headers
+    assert worker.denoised == [busy, job], "a preview of the one, the picture of the other"
+    assert worker.guides[0] is None and worker.guides[1] is not None
+
+
+@pytest.mark.long
+def test_scene_stores_how_long_denoising_takes(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    job = service.submit(scene)
+    service.wait_for(job, "finished")
+    assert service.scene(scene)["measured"]["denoise_s"] is None
+    worker.on_denoise = lambda _: time.sleep(0.2)
+    raw(service, job, "?denoise=true&preview=true")
+    begun = time.monotonic()
+    raw(service, job, "?denoise=true")
+    took = time.monotonic() - begun
+    until(lambda: service.scene(scene)["measured"]["denoise_s"], "it is stored")
+    assert 0.2 <= service.scene(scene)["measured"]["denoise_s"] * 64 * 48 <= took
+
+
+@pytest.mark.long
 def test_grown_film_is_denoised_again(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     first = raw(service, job, "?denoise=true")
@@ -152,7 +190,7 @@ def test_denoising_during_rendering(service: Service, worker: PeerWorker) -> Non
 
 
 @pytest.mark.long
-def test_preview_is_renewed_when_samples_have_doubled(service: Service, worker: PeerWorker) -> None:
+def test_preview_is_renewed_as_samples_grow(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=60)
     until(lambda: service.job(job)["samples"] > 0, "it has begun")
@@ -162,8 +200,8 @@ def test_preview_is_renewed_when_samples_have_doubled(service: Service, worker: 
         assert answer.status_code == 200, answer.text
         if int(answer.headers["x-samples"]) != made[-1]:
             made.append(int(answer.headers["x-samples"]))
-    assert all(after >= 2 * before for before, after in pairwise(made[1:-1])), made
-    assert len(worker.denoised) <= 8
+    assert all(after >= previews.EARLY_GROWTH * before for before, after in pairwise(made[1:-1])), made
+    assert len(worker.denoised) <= 20
     last = raw(service, job, "?denoise=true&preview=true").headers
     assert (int(last["x-samples"]) > 30 * pixels, last["x-preview"]) == (True, "true")
     for query in ("", "&preview=true"):  # the picture itself is stored from then on
@@ -191,6 +229,7 @@ def test_preview_made_after_the_picture_is_released() -> None:
     engine: Any = SimpleNamespace(
         denoised=lambda *_: stored[0] if stored else None,
         denoise_preview=request,
+        preview_rest_s=lambda *_: 0.0,
         release_preview=lambda *key: released.append(key),
     )
     for late in (False, True):
@@ -234,6 +273,27 @@ def test_stored_picture_has_no_more_samples_than_the_film(samples: int, is_store
     assert engine.existing_preview("j", 1, film) is None
 
 
+def test_request_waits_for_the_next_preview() -> None:
+    """Otherwise the page would receive the previous one, and request the next too late."""
+    rests = [0.05, previews.EARLY_REST * previews.MOST_SECONDS]
+    waited: list[float] = []
+    done: Future[ArtifactResult] = Future()
+    done.set_result(ArtifactResult("b" * 64, "", 4))
+
+    def request(*_: Any, **__: Any) -> Future[ArtifactResult]:
+        waited.append(time.monotonic() - begun)
+        return done
+
+    engine: Any = SimpleNamespace(denoised=lambda *_: None, denoise_preview=request, preview_rest_s=lambda *_: rests.pop(0))
+    farm: Any = SimpleNamespace(engine=engine)
+    for state in ("running", "running", "finished"):
+        begun = time.monotonic()
+        asyncio.run(denoised_artifact(Job(id="j", state=state), 0, engine, farm, is_preview=True))
+    assert waited[0] >= 0.05
+    assert waited[1] < 5, "it rests for long: the previous one is returned"
+    assert not rests, "the last one of a job does not wait"
+
+
 def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [100.0]
     monkeypatch.setattr(previews, "time", SimpleNamespace(monotonic=lambda: now[0]))
@@ -253,9 +313,13 @@ def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyP
         assert task._is_recent(made, samples, 15) is is_recent, (after, samples)
     now[0] = 100.0
     task._record_made(made, replace(request, width=50))
-    for after, is_recent in ((0.5, True), (0.7, False)):  # of few samples per pixel: 4 * 1.5 s / 10 slots
+    task._made = {("j", 0): made}
+    for after, is_recent, rest in ((0.35, True, 0.1), (0.5, False, 0.0)):  # of few samples per pixel: 3 * 1.5 s / 10 slots
         now[0] = 100.0 + after
-        assert task._is_recent(made, 2000, 150) is is_recent, after
+        assert task._is_recent(made, 1250, 150) is is_recent, after
+        assert task._is_recent(made, 1249, 150) is True, after
+        assert task.rest_s("j", 0, 1250, 150) == pytest.approx(rest), after
+        assert task.rest_s("j", 0, 1249, 150) == 0, "none is due"
     now[0] = 100.0
     assert task._is_recent(made, 3999, 150) is True
     assert task._is_recent(made, 4000, 150) is False, "at 1, 4, 16 and 64 samples without a rest"
