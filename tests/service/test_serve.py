@@ -6,6 +6,7 @@ import asyncio
 import logging
 import os
 import shlex
+import socket
 from pathlib import Path
 
 import httpx
@@ -125,11 +126,10 @@ def test_accepted_websockets_are_not_logged(monkeypatch: pytest.MonkeyPatch, cap
             pass
 
     async def visit() -> None:
-        server = uvicorn.Server(uvicorn.Config(app, port=0, lifespan="off", log_config=None))
-        running = asyncio.create_task(server.serve())
-        while not server.started:
-            await asyncio.sleep(0.01)
-        address = "ws://127.0.0.1:{}".format(server.servers[0].sockets[0].getsockname()[1])
+        listening = socket.create_server(("127.0.0.1", 0))  # connections wait until the server accepts them
+        server = uvicorn.Server(uvicorn.Config(app, lifespan="off", log_config=None))
+        running = asyncio.create_task(server.serve([listening]))
+        address = f"ws://127.0.0.1:{listening.getsockname()[1]}"
         async with connect(f"{address}/accepted"):
             pass
         with pytest.raises(InvalidStatus):
