@@ -29,6 +29,7 @@ HOST, PORT = "127.0.0.1", "8000"
 log = logging.getLogger(__name__)
 LINES = {"default": "%(message)s", "access": '%(client_addr)s - "%(request_line)s" %(status_code)s'}  # of uvicorn's formatters
 HEALTH_CHECK_PATHS = ("/healthz", "/readyz")
+WEBSOCKET_LINES = ('%s - "WebSocket %s" [accepted]', "connection open", "connection closed")  # of uvicorn and websockets
 
 
 def serve(arguments: Sequence[str]) -> None:
@@ -48,6 +49,7 @@ def serve(arguments: Sequence[str]) -> None:
     if "FORWARDED_ALLOW_IPS" in os.environ:
         log.warning("FORWARDED_ALLOW_IPS is not read. Set RAYFARM_TRUSTED_PROXIES to the addresses of your proxies.")
     logging.getLogger("uvicorn.access").addFilter(_is_not_health_check)
+    logging.getLogger("uvicorn.error").addFilter(_is_not_routine_websocket)
     for name, message in LINES.items():
         LOGGING_CONFIG["formatters"][name]["fmt"] = f"%(asctime)s %(levelname)s {message}"  # as the workers' lines
     listening = ("--host", address.host, "--port", address.port)
@@ -63,6 +65,11 @@ def _is_not_health_check(record: logging.LogRecord) -> bool:
         return True
     _, method, path, _, status = record.args
     return not (method == "GET" and str(path).partition("?")[0] in HEALTH_CHECK_PATHS and status == 200)
+
+
+def _is_not_routine_websocket(record: logging.LogRecord) -> bool:
+    """Logging filter: drops the lines of accepted and closed WebSockets, of which every open page makes several."""
+    return record.msg not in WEBSOCKET_LINES
 
 
 if __name__ == "__main__":

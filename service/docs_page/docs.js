@@ -126,7 +126,8 @@ try {
   const answer = await fetch("/openapi.json");
   if (answer.status === 401) throw new Error("log in on the page first");
   if (!answer.ok) throw new Error(`the service answers ${answer.status}`);
-  const sections = page(await answer.json());
+  const api = await answer.json();
+  const sections = page(api);
   main.replaceChildren(...sections);
   // The first one is open, as an example of what an entry has.
   const first = location.hash ? null : main.querySelector("details");
@@ -135,6 +136,7 @@ try {
     first.classList.add("example");
     first.querySelector(".fields").tabIndex = 0; // it scrolls
   }
+  document.querySelector(".intro").append(h("p", { class: "quality" }, `Rayfarm ${api.info.version}`));
   document.querySelector(".sections").replaceChildren(...sections.map((each) => h("a", { href: `#${each.id}` }, each.querySelector("h2").textContent)));
 } catch (error) {
   main.replaceChildren(h("p", null, `The description of the API cannot be loaded: ${error.message}. Reload the page.`));

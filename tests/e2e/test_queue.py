@@ -58,6 +58,7 @@ def test_job_is_renamed_and_note_is_listed(many: Service, watched: Watched) -> N
     expect(page.get_by_role("heading", name="Take 1")).to_be_visible()
     page.keyboard.press("F2")
     page.get_by_label("Name of the picture").fill("thrown away")
+    expect(page.get_by_role("heading", level=1)).to_have_text("Take 1")  # for screen readers, also beside the field
     page.keyboard.press("Escape")
     page.get_by_role("button", name="Rename").click()
     page.get_by_label("Name of the picture").fill("The cover")

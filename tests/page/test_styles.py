@@ -40,3 +40,8 @@ def test_paddings_margins_and_gaps_are_on_the_grid() -> None:
 def test_every_step_of_spacing_is_defined_and_used() -> None:
     defined = re.findall(r"--space-(\d+):", SHEETS["tokens.css"])
     assert {name for sheet in SHEETS.values() for name in re.findall(r"var\(--space-(\d+)\)", sheet)} == set(defined)
+
+
+def test_bold_elements_have_a_weight_of_the_scale() -> None:
+    """The browser's own weight of these elements is 700, for which the page has no font."""
+    assert re.search(r"\nb,\nstrong,\nth \{\s*font-weight: 600;", SHEETS["base.css"])

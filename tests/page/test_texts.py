@@ -169,6 +169,25 @@ def test_channels_equal_service_list(node: Node) -> None:
     }
 
 
+def test_quality_of_a_compared_picture_is_what_it_has(node: Node) -> None:
+    """A comparison states the samples that a picture has; the list of jobs states the goal of a job that is not stopped."""
+    body = """
+        const work = [{ name: "spp", of: "work", phrase: "{}" }, { name: "noise", of: "work", phrase: "to {}" }];
+        m.table.set({ defaults: {}, settings: [], view: [], work, shot: [], channels: [] });
+        const job = { width: 8, height: 4, samples: 32 * 67, spp: 1024, shot: null };
+        const said = a.map((state) => [m.reached({ ...job, state }), m.shownQuality({ ...job, state })]);
+        m.table.set(null);
+        return said;"""
+    goal, now, part = "1,024 samples", "67 samples", "67 of 1,024 samples"
+    assert node.call("news/settings-table", body, ["cancelled", "paused", "running", "queued", "finished"]) == [
+        [now, now],
+        [now, now],
+        [goal, part],
+        [goal, part],
+        [goal, goal],
+    ]
+
+
 def test_place_of_an_error_is_said_where_its_sentence_does_not(node: Node) -> None:
     body = "return a.map(([error, params]) => m.placeOf({ error, codes: { error: { params } }, main: 'a.usda' }));"
     found = node.call(

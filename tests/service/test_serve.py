@@ -6,12 +6,16 @@ import asyncio
 import logging
 import os
 import shlex
+import socket
 from pathlib import Path
 
 import httpx
 import pytest
 import uvicorn
+from starlette.types import Receive, Scope, Send
 from uvicorn.config import HTTP_PROTOCOLS
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
 
 from service.__main__ import serve
 from service.connections import Connection
@@ -86,6 +90,17 @@ def test_remote_client_is_not_local(tmp_path: Path, redis_server: running_redis)
         service.stop()
 
 
+def add_filters(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Adds the service's filters to uvicorn's loggers until the test ends."""
+    for name in ("uvicorn.access", "uvicorn.error"):
+        monkeypatch.setattr(logging.getLogger(name), "filters", [])
+    monkeypatch.setattr(uvicorn, "main", lambda args, prog_name: None)
+    monkeypatch.setitem(HTTP_PROTOCOLS, "auto", HTTP_PROTOCOLS["auto"])
+    monkeypatch.setattr(Connection, "most", Connection.most)
+    monkeypatch.setattr(os, "environ", dict(os.environ))
+    serve([])
+
+
 @pytest.mark.parametrize(
     ("path", "status", "kept"),
     [("/readyz", 200, False), ("/healthz", 200, False), ("/readyz", 503, True), ("/api/jobs", 200, True)],
@@ -93,14 +108,38 @@ def test_remote_client_is_not_local(tmp_path: Path, redis_server: running_redis)
 def test_successful_probes_are_not_logged(path: str, status: int, kept: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Successful probes are not logged. The filter is added before uvicorn configures its loggers, and stays in effect."""
     access = logging.getLogger("uvicorn.access")
-    monkeypatch.setattr(access, "filters", [])
-    monkeypatch.setattr(uvicorn, "main", lambda args, prog_name: None)
-    monkeypatch.setitem(HTTP_PROTOCOLS, "auto", HTTP_PROTOCOLS["auto"])
-    monkeypatch.setattr(Connection, "most", Connection.most)
-    monkeypatch.setattr(os, "environ", dict(os.environ))
-    serve([])
+    add_filters(monkeypatch)
     uvicorn.Config("service.main:create_app", factory=True)
     line = logging.LogRecord(
         access.name, logging.INFO, "", 0, '%s - "%s %s HTTP/%s" %d', ("127.0.0.1:5", "GET", path, "1.1", status), None
     )
     assert bool(access.filter(line)) is kept
+
+
+def test_accepted_websockets_are_not_logged(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    """A page opens a WebSocket for each view, whose lines would hide the others. Refused ones are logged."""
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        await receive()
+        await send({"type": "websocket.close"} if scope["path"] == "/refused" else {"type": "websocket.accept"})
+        while (await receive())["type"] != "websocket.disconnect":
+            pass
+
+    async def visit() -> None:
+        listening = socket.create_server(("127.0.0.1", 0))  # connections wait until the server accepts them
+        server = uvicorn.Server(uvicorn.Config(app, lifespan="off", log_config=None))
+        running = asyncio.create_task(server.serve([listening]))
+        address = f"ws://127.0.0.1:{listening.getsockname()[1]}"
+        async with connect(f"{address}/accepted"):
+            pass
+        with pytest.raises(InvalidStatus):
+            await connect(f"{address}/refused")
+        server.should_exit = True
+        await running
+
+    add_filters(monkeypatch)
+    with caplog.at_level(logging.INFO, "uvicorn.error"):
+        asyncio.run(visit())
+    lines = [record.getMessage() for record in caplog.records if record.name == "uvicorn.error"]
+    assert not [line for line in lines if "accepted" in line or line in ("connection open", "connection closed")], lines
+    assert [line for line in lines if "/refused" in line and line.endswith("403")], lines

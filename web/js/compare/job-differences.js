@@ -4,7 +4,7 @@ import { DENOISED, channelOf } from "../film/channels.js";
 import { scenes } from "../news/farm.js";
 import { isLightless, lightWords, ownLight } from "../base/light-words.js";
 import { variantOf } from "../base/scene-version.js";
-import { known, labelOf, phraseOf, reached, settingOf, valueText } from "../news/settings-table.js";
+import { known, labelOf, phraseOf, settingOf, shownQuality, valueText } from "../news/settings-table.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -56,7 +56,7 @@ function rows() {
       phrase: (job) => lightOf(job) || (isLightless(sceneOf(job) ?? {}) ? ownLight(sceneOf(job)) : t("light of the file")),
     },
     ...byTelling.map((setting) => row(setting, (job) => job.settings ?? undefined)),
-    plain(settingOf("work", "spp").label, reached),
+    plain(settingOf("work", "spp").label, shownQuality),
     ...view.map((setting) => row(setting, (job) => job.settings?.view)),
     plain(t("Size"), ({ width, height }) => `${width}×${height}`),
   ];

@@ -27,7 +27,8 @@ export function jobTitle() {
   const begin = () => {
     if (!latest || input.isConnected || !mayChange(latest.project)) return;
     input.value = latest.name;
-    element.replaceChildren(input);
+    heading.classList.add("visually-hidden"); // remains the page's heading
+    element.replaceChildren(heading, input);
     input.focus();
     input.select();
   };
@@ -36,6 +37,7 @@ export function jobTitle() {
     if (!input.isConnected) return;
     const name = input.value.trim();
     const hadFocus = document.activeElement === input;
+    heading.classList.remove("visually-hidden");
     element.replaceChildren(heading, pencil);
     if (hadFocus) pencil.focus();
     if (isKept && latest && name !== latest.name) void change(latest, { name }, t("The job was not renamed"));

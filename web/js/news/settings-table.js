@@ -1,6 +1,7 @@
 /** All settings of a picture with their ranges, names and descriptions, from GET /api/info. */
 
 import { Store } from "../base/store.js";
+import { count } from "../base/format.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Setting} Setting */
@@ -102,15 +103,26 @@ export function endOf({ spp, noise = null, seconds = null }) {
 /** States of jobs that may have ended before their goal. */
 const STOPPED = ["cancelled", "failed", "paused"];
 
+/** Returns the samples per pixel that a job's picture has, in whole samples. @param {import("../base/types.js").Job} job */
+const samplesOf = ({ samples, width, height, shot }) => Math.floor(samples / Math.max((width ?? 1) * (height ?? 1) * (shot?.count ?? 1), 1));
+
 /**
  * Describes the quality of a job's picture: its goal, or its number of samples if it was stopped earlier.
  *
  * @param {import("../base/types.js").Job} job
  */
 export function reached(job) {
-  const { state, samples, width, height, shot } = job;
-  if (!STOPPED.includes(state)) return endOf(job);
-  return phraseOf(settingOf("work", "spp"), Math.floor(samples / Math.max((width ?? 1) * (height ?? 1) * (shot?.count ?? 1), 1)));
+  return STOPPED.includes(job.state) ? phraseOf(settingOf("work", "spp"), samplesOf(job)) : endOf(job);
+}
+
+/**
+ * Describes what a job's picture shows now: as `reached`, but of an unfinished job what it has so far.
+ *
+ * @param {import("../base/types.js").Job} job
+ */
+export function shownQuality(job) {
+  if (job.state === "finished" || STOPPED.includes(job.state)) return reached(job);
+  return job.spp === null ? phraseOf(settingOf("work", "spp"), samplesOf(job)) : t("{n} of {all} samples", { n: count(samplesOf(job)), all: count(job.spp) });
 }
 
 /** Four digits suffice to tell pictures apart; whole numbers are shown in full. @param {number} value */
