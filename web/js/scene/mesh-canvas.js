@@ -325,13 +325,15 @@ export class MeshCanvas {
     const light = this.prepareLight(mesh);
     const parts = this.partsOf(mesh);
     if (onPage && !kept && !this.isFirst) this.drawMirrored(parts, mesh, view, light);
-    const { drawing = null, isReflecting = false, balls = [] } = mirrors ?? {};
+    const drawing = mirrors?.drawing ?? null;
     const isQuick = this.isFirst && mesh.triangles > SHADOWED_AT_ONCE;
     const shadows = onPage && !kept && !isQuick && this.shadows?.isPossible ? this.shadows : null;
     const eye = drawing ? [...drawing.from, 1] : view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
     const isDefaultCurve = this.look.curve === curveIndex(DEFAULT_CURVE);
     /** @type {import("./mesh-program.js").Feature[]} */
-    const curves = isDefaultCurve ? [] : ["CURVES"];
+    const looks = isDefaultCurve ? [] : ["CURVES"];
+    if (light.lamps.length) looks.push("LAMPS");
+    if (light.rectangles.some(Boolean)) looks.push("RECTANGLES");
     /**
      * Chooses the program that draws some parts. Returns false if the driver refuses it.
      *
@@ -340,11 +342,10 @@ export class MeshCanvas {
      * @param {boolean} [isDense]
      */
     const use = (of, pass, isDense = false) => {
-      const features = [...curves, ...featuresOf(of)];
+      const features = [...looks, ...featuresOf(of)];
       if (kept) features.push("KEPT");
       if (shadows) features.push("SHADOWS");
-      if (isReflecting && of.some(({ showsScene }) => showsScene)) features.push("MIRRORS", ...(balls.length ? /** @type {const} */ (["BALLS"]) : []));
-      if (light.lamps.length) features.push("LAMPS");
+      if (of.some(({ showsScene }) => showsScene)) features.push(...(mirrors?.features ?? []));
       const linked = isDense ? programs.with(DENSE_VERTEX, DENSE_FRAGMENT, features) : programs.with(VERTEX, FRAGMENT, features);
       if (!linked) return false;
       const { program, at } = linked;
@@ -383,11 +384,11 @@ export class MeshCanvas {
       const chosen = opaque.filter(({ isDense, material }) => dense === (isDense && isDefaultCurve && isPlain(material)));
       if (chosen.length && use(dense ? chosen : [...chosen, ...blended], PASS.opaque, dense)) chosen.forEach(draw);
     }
-    if (onPage && shadows && this.hasFloor) this.drawFloor(shadows, toClip, eye, onPage, light, [...curves, ...(light.lamps.length ? /** @type {const} */ (["LAMPS"]) : [])]);
+    if (onPage && shadows && this.hasFloor) this.drawFloor(shadows, toClip, eye, onPage, light, looks);
     const hasBehind = onPage !== null && glass.length > 0;
     if (hasBehind) this.copyBehind(onPage, glass.some(({ material }) => material.roughness > BLURRED));
     if (onPage && !kept) {
-      this.drawBackdrop(view, onPage.width / onPage.height, light, programs.with(BACKDROP_VERTEX, BACKDROP_FRAGMENT, curves));
+      this.drawBackdrop(view, onPage.width / onPage.height, light, programs.with(BACKDROP_VERTEX, BACKDROP_FRAGMENT, isDefaultCurve ? [] : ["CURVES"]));
     }
     if (glass.length && use(glass, PASS.glass)) {
       gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);

@@ -134,6 +134,12 @@ export class MeshMirrors {
     }
   }
 
+  /** What programs of mirrors must do. @returns {import("./mesh-program.js").Feature[]} */
+  get features() {
+    if (!this.isReflecting) return [];
+    return ["MIRRORS", ...(this.balls.length ? /** @type {const} */ (["BALLS"]) : []), ...(this.cubes.some(({ isFollowed }) => isFollowed) ? /** @type {const} */ (["FOLLOWED"]) : [])];
+  }
+
   /** Whether surfaces show cubes in what is drawn now. */
   get isReflecting() {
     return this.cubes.length > 0 && (this.drawing?.isReflecting ?? true);
@@ -152,7 +158,6 @@ export class MeshMirrors {
     if (!cube) return false;
     const drawn = cube.balls ? balls.filter((each) => !cube.of.has(each.part)) : [];
     gl.uniform3fv(at("mirroredFrom"), cube.from);
-    gl.uniform1i(at("isFollowed"), cube.isFollowed ? 1 : 0);
     gl.uniform1i(at("ballCount"), drawn.length);
     if (drawn.length) gl.uniform4fv(at("balls"), drawn.flatMap(({ middle, radius, showsScene }) => [...middle, showsScene ? -radius : radius]));
     this.bindCubes(cube.color, cube.depth, cube.balls, isKept);

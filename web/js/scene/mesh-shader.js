@@ -31,6 +31,15 @@ vec3 received(vec3 n) {
     + irradiance[8] * 0.546274 * (n.x * n.x - n.y * n.y), 0.0);
 }`;
 
+/** Normals for shadows: smoothed ones, unless they are those of a box whose edges are not sharp, rather than of a round surface. */
+export const EDGED_GLSL = `
+float bentOf(vec3 smoothed, vec3 flatly) {
+  return 1.0 - smoothstep(0.6, 0.94, dot(smoothed, flatly));
+}
+vec3 edged(vec3 smoothed, vec3 flatly) {
+  return normalize(mix(smoothed, flatly, bentOf(smoothed, flatly)));
+}`;
+
 /** Shadows at what the camera sees. */
 const SHADOWS_GLSL = `
 ${FLOOR_MAP_GLSL}
@@ -39,7 +48,8 @@ uniform sampler2D openLamps; // parts of the lamps' light that reach it
 uniform sampler2D seenDepth;
 uniform sampler2D seenNormal;
 uniform vec2 perPixel;
-// Light at a pixel of the canvas: that of the texels around it which show the same surface.
+${EDGED_GLSL}
+// Light at a pixel of the canvas: that of the texels around it which show the same surface. n: as edged
 void shadowsAt(vec2 pixel, float depth, float slack, vec3 n, out vec3 missed, out vec4 open) {
   ivec2 size = textureSize(seenDepth, 0);
   vec2 at = pixel * perPixel * vec2(size) - 0.5;
@@ -75,8 +85,10 @@ uniform vec4 lamps[${MOST_LAMPS}]; // places, with 1, or directions, with 0
 uniform vec3 lampColors[${MOST_LAMPS}]; // radiance of a white surface at the middle
 uniform vec3 lampAxes[${MOST_LAMPS}];
 uniform vec2 lampCosines[${MOST_LAMPS}];
+#ifdef RECTANGLES
 uniform vec3 lampHalves[${2 * MOST_LAMPS}]; // of rectangles, from the middle to those of two sides; 0: the lamp is none
 uniform vec3 lampRadiances[${MOST_LAMPS}]; // of rectangles
+#endif
 #endif
 uniform float metallic;
 uniform float roughness;
@@ -98,7 +110,7 @@ uniform highp samplerCube mirroredDepth;
 uniform vec3 mirroredFrom;
 uniform bool showsScene;
 uniform bool isBlack; // nothing is around the scene
-uniform bool isFollowed; // rays meet something else than the bounds
+#ifdef FOLLOWED
 const int STEPS = 7, HALVINGS = 3; // along a ray, and of the step in which something is met
 const vec2 THICK = vec2(0.3, 0.5); // a point is hidden if the surface seen towards it is nearer than this part of its distance
 // Distance of the surface that the cube shows towards a point, in proportion to the point's own.
@@ -108,15 +120,18 @@ float seenBehind(vec3 way) {
   float radius = 0.5 * length(extent);
   return 2.0 * radius * ${FAR * NEAR} / (${FAR + NEAR} - depth * ${FAR - NEAR}) / max(sizes.x, max(sizes.y, sizes.z));
 }
-// Place where a ray meets the scene, relative to the cube's middle: the first one behind the surface that the cube shows towards it, or else the
-// one where the ray leaves the bounds. w: 0 if the cube does not show that place, for which something hides it.
+#endif
+// Place where a ray leaves the bounds, or before that meets the scene, relative to the cube's middle: the first one behind the surface that the cube
+// shows towards it. w: 0 if the cube does not show that place, for which something hides it.
 // Source: Szirmay-Kalos et al. 2005, "Approximate ray-tracing on the GPU with distance impostors".
 vec4 metAlong(vec3 place, vec3 way) {
   vec3 safe = mix(way, vec3(1e-6), lessThan(abs(way), vec3(1e-6)));
   vec3 ends = (0.5 * extent * sign(safe) - place) / safe;
   float end = max(min(ends.x, min(ends.y, ends.z)), 0.0);
   place -= mirroredFrom;
-  if (!isFollowed) return vec4(place + end * way, 1.0);
+#ifndef FOLLOWED
+  return vec4(place + end * way, 1.0);
+#else
   float before = 0.0, after = end, depth = 1.0;
   bool wasOpen = false, isFound = false;
   int step = 1, halved = 0;
@@ -143,6 +158,7 @@ vec4 metAlong(vec3 place, vec3 way) {
     step = STEPS;
   }
   return vec4(place + after * way, smoothstep(THICK.x, THICK.y, depth));
+#endif
 }
 #ifdef BALLS
 uniform samplerCube mirroredBalls; // they only, as the rest
@@ -192,7 +208,9 @@ vec3 seenAlong(vec3 place, vec3 way, float rough, float spread) {
     float level = clamp(log2(max(${SIDE / 2}.0 * wide, 1e-3)), 0.0, 6.0);
     vec4 met = metAlong(place, way);
     vec4 known = textureLod(mirrored, met.xyz, level);
+#ifdef FOLLOWED
     if (met.w < 1.0) known = mix(textureLod(mirrored, way, level), known, met.w); // as if it were far away
+#endif
     if (isBlack) light = vec3(0.0);
     if (known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
 #ifdef BALLS
@@ -217,7 +235,7 @@ vec2 environmentBrdf(float nv, float rough) {
   float a = min(r.x * r.x, exp2(-9.28 * nv)) * r.x + r.y;
   return vec2(-1.04, 1.04) * a + r.zw;
 }
-#ifdef LAMPS
+#ifdef RECTANGLES
 const float LOBE = 4.5; // half the width of a rough reflection, by the square of the roughness
 // Radiance of the lamps that are rectangles along a ray. open: as shadowsAt.
 vec3 lampsAlong(vec3 place, vec3 way, float rough, float spread, vec4 open) {
@@ -235,6 +253,8 @@ vec3 lampsAlong(vec3 place, vec3 way, float rough, float spread, vec4 open) {
   }
   return light;
 }
+#endif
+#ifdef LAMPS
 // Light of the lamps: diffuse, and what a rough surface reflects of it (GGX, Walter et al. 2007).
 void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 again, vec4 open, inout vec3 diffuse, inout vec3 glossy) {
   float alpha2 = max(rough * rough, 0.01);
@@ -248,7 +268,9 @@ void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 ag
     float nl = max(dot(n, l), 0.0);
     vec3 light = lampColors[i] * near * cone * nl * open[i];
     diffuse += light;
+#ifdef RECTANGLES
     if (lampHalves[2 * i] != vec3(0.0)) continue; // lampsAlong adds what a surface reflects of it
+#endif
     vec3 h = normalize(l + v);
     float nh = max(dot(n, h), 0.0);
     float nv = max(dot(n, v), 1e-3);
@@ -289,7 +311,7 @@ void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, vec
     if (max(reflectance.r, max(reflectance.g, reflectance.b)) > 0.1 && dot(mirror, floorPlane.xyz) < 0.0) light = max(light - missedFrom(place, mirror, rough) * smoothstep(0.0, 0.2, -dot(mirror, floorPlane.xyz)), LEAST_REFLECTED * light);
 #endif
     glossy = light * albedo * mix(vec3(1.0), diffuse / max(whole, 1e-6), rough);
-#ifdef LAMPS
+#ifdef RECTANGLES
     glossy += albedo * lampsAlong(place, mirror, rough, spread, open);
 #endif
   }
@@ -449,7 +471,7 @@ vec3 transmitted(vec3 n, vec3 v, float rough) {
   if (isBall) from -= depth * dot(n, inside) * inside;
   float spread = SPREAD_OF(way);
   vec3 light = seenAlong(from, way, rough, spread);
-#ifdef LAMPS
+#ifdef RECTANGLES
   light += lampsAlong(from, way, rough, spread, vec4(1.0));
 #endif
 #ifdef MIRRORS
@@ -478,7 +500,7 @@ void main() {
   vec4 open = vec4(1.0);
 #ifdef SHADOWS
   float slack = fwidth(gl_FragCoord.z);
-  if (pass == ${PASS.opaque}) shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, n, missed, open);
+  if (pass == ${PASS.opaque}) shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, edged(n, flatly), missed, open);
 #endif
 #ifdef MAPS
   vec3 packed = texture(roughMetal, texel).rgb;
