@@ -285,8 +285,8 @@ def test_mirror_is_not_drawn_into_what_it_shows(node: Node) -> None:
         const seen = [];
         const lamps = new Set(surfaces.filter((_, i) => a.lamps.includes(i)).map(({ part }) => part));
         mirrors.draw(surfaces, { radius: 20, triangles: 3, lamps, look: [] }, () => {
-            const { from, isSeen, isReflecting } = mirrors.drawing;
-            seen.push([from[0], surfaces.filter(isSeen).map(({ part }) => part.first), isReflecting]);
+            const { from, isChosen, isSeen, isReflecting } = mirrors.drawing;
+            seen.push([from[0], surfaces.filter(isChosen).filter(isSeen).map(({ part }) => part.first), isReflecting]);
         });
         return [...seen.filter((_, i) => i % 6 === 0), mirrors.drawing];"""
 

@@ -323,9 +323,9 @@ export class MeshCanvas {
     const { gl, programs, mirrors } = this;
     if (!gl || !programs) return;
     const light = this.prepareLight(mesh);
-    const parts = this.partsOf(mesh);
+    const parts = this.partsOf(mesh).filter((each) => mirrors?.drawing?.isChosen(each) ?? true);
     if (onPage && !kept && !this.isFirst) this.drawMirrored(parts, mesh, view, light);
-    const drawing = mirrors?.drawing ?? null;
+    const { drawing = null, features: reflecting = [] } = mirrors ?? {};
     const isQuick = this.isFirst && mesh.triangles > SHADOWED_AT_ONCE;
     const shadows = onPage && !kept && !isQuick && this.shadows?.isPossible ? this.shadows : null;
     const eye = drawing ? [...drawing.from, 1] : view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
@@ -337,15 +337,15 @@ export class MeshCanvas {
     /**
      * Chooses the program that draws some parts. Returns false if the driver refuses it.
      *
-     * @param {{material: MeshMaterial, showsScene: boolean}[]} of
+     * @param {{material: MeshMaterial}[]} of
      * @param {number} pass
-     * @param {boolean} [isDense]
+     * @param {{isDense?: boolean, isMirror?: boolean}} [how]
      */
-    const use = (of, pass, isDense = false) => {
+    const use = (of, pass, { isDense = false, isMirror = false } = {}) => {
       const features = [...looks, ...featuresOf(of)];
       if (kept) features.push("KEPT");
       if (shadows) features.push("SHADOWS");
-      if (of.some(({ showsScene }) => showsScene)) features.push(...(mirrors?.features ?? []));
+      if (isMirror) features.push(...reflecting);
       const linked = isDense ? programs.with(DENSE_VERTEX, DENSE_FRAGMENT, features) : programs.with(VERTEX, FRAGMENT, features);
       if (!linked) return false;
       const { program, at } = linked;
@@ -382,7 +382,11 @@ export class MeshCanvas {
     const opaque = parts.filter(({ material }) => material.transmission === 0 || drawing);
     for (const dense of [true, false]) {
       const chosen = opaque.filter(({ isDense, material }) => dense === (isDense && isDefaultCurve && isPlain(material)));
-      if (chosen.length && use(dense ? chosen : [...chosen, ...blended], PASS.opaque, dense)) chosen.forEach(draw);
+      // All that is no mirror has the first frame's program, which is also faster.
+      for (const shows of [false, true]) {
+        const of = chosen.filter(({ showsScene }) => shows === (showsScene && reflecting.length > 0));
+        if (of.length && use(drawing ? of : [...chosen, ...(dense ? [] : blended)], PASS.opaque, { isDense: dense, isMirror: shows })) of.forEach(draw);
+      }
     }
     if (onPage && shadows && this.hasFloor) this.drawFloor(shadows, toClip, eye, onPage, light, looks);
     const hasBehind = onPage !== null && glass.length > 0;
@@ -390,12 +394,12 @@ export class MeshCanvas {
     if (onPage && !kept) {
       this.drawBackdrop(view, onPage.width / onPage.height, light, programs.with(BACKDROP_VERTEX, BACKDROP_FRAGMENT, isDefaultCurve ? [] : ["CURVES"]));
     }
-    if (glass.length && use(glass, PASS.glass)) {
+    if (glass.length && use(glass, PASS.glass, { isMirror: true })) {
       gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);
       if (hasBehind) bind(gl, UNITS.behind, this.behind);
       farthestFirst(glass).forEach(draw);
     }
-    if (blended.length && use([...opaque, ...blended], PASS.blend)) {
+    if (blended.length && use([...opaque, ...blended], PASS.blend, { isMirror: blended.some(({ showsScene }) => showsScene) })) {
       gl.enable(gl.BLEND);
       gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(false);

@@ -36,7 +36,7 @@ export const MIRROR_UNITS = { color: 9, depth: { kept: 15, alone: 1 }, balls: { 
 
 /** Colours and depths of the surfaces around a point. @typedef {{color: WebGLTexture, depth: WebGLTexture}} Cube */
 /** What some mirrors show. from: where it is drawn from. isFollowed: whether rays meet it elsewhere than at the bounds of the scene. balls: colours only; null: none is drawn. @typedef {Cube & {from: Vec3, of: Set<MeshPart>, isFollowed: boolean, balls: WebGLTexture | null}} Mirrored */
-/** What is being drawn into a cube. isReflecting: whether mirrors show their cubes. @typedef {{from: Vec3, isSeen: (surface: Surface) => boolean, isReflecting: boolean}} Drawing */
+/** What is being drawn into a cube. isChosen: whether a surface is drawn, and isSeen: on this side. isReflecting: whether mirrors show their cubes. @typedef {{from: Vec3, isChosen: (surface: Surface) => boolean, isSeen: (surface: Surface) => boolean, isReflecting: boolean}} Drawing */
 
 /** Returns whether a surface reflects or refracts the others. @param {MeshMaterial} material */
 export const isMirror = ({ metallic, roughness, f0, transmission }) => transmission > 0 || (roughness < ROUGH && (metallic > 0.5 || Math.max(...f0) > REFLECTS));
@@ -101,7 +101,7 @@ export class MeshMirrors {
     /** @param {Vec3} from @param {(surface: Surface) => boolean} isChosen @param {boolean} isReflecting */
     const cubeOf = (from, isChosen, isReflecting) =>
       mirrorCube(gl, radius, from, (toClip, isSeen) => {
-        this.drawing = { from, isReflecting, isSeen: (each) => isChosen(each) && isSeen(each) };
+        this.drawing = { from, isReflecting, isChosen, isSeen };
         draw(toClip);
       });
     for (const { from, of } of viewpoints(mirrors, triangles)) {
