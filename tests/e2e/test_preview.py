@@ -198,7 +198,7 @@ def test_first_shadow_of_a_preview_is_slightly_tinted_and_without_steps(farm: Fa
 
 @pytest.mark.long
 def test_box_with_smoothed_normals_has_sharp_edges_in_a_preview(farm: Farm, watched: Watched) -> None:
-    """The normals of an old FBX's cube point away from its corners: its sides differ up to the edge between them, as path-traced."""
+    """Normals that point away from the middle of a cube, as in old FBX files, do not blur its edges."""
     page = watched.page
     page.goto(farm.url)
     out = "".join(f"vn {x} {y} {z}\n" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))

@@ -207,10 +207,7 @@ vec3 seenAlong(vec3 place, vec3 way, float rough, float spread) {
     float wide = max(spread, 2.0 * rough * rough);
     float level = clamp(log2(max(${SIDE / 2}.0 * wide, 1e-3)), 0.0, 6.0);
     vec4 met = metAlong(place, way);
-    vec4 known = textureLod(mirrored, met.xyz, level);
-#ifdef FOLLOWED
-    if (met.w < 1.0) known = mix(textureLod(mirrored, way, level), known, met.w); // as if it were far away
-#endif
+    vec4 known = met.w * textureLod(mirrored, met.xyz, level);
     if (isBlack) light = vec3(0.0);
     if (known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
 #ifdef BALLS
