@@ -128,14 +128,13 @@ def test_file_that_needs_blender_says_what_to_do(farm: Farm, watched: Watched) -
     assert watched.errors == []
 
 
-# Draws a cube on the studio's floor, once or until its shadows are done.
-# Returns the colours of some points of the floor, 0 ... 255.
-DRAW_CUBE = """async ([obj, points, isRefined]) => {
+# Draws a cube on the studio's floor, once or until its shadows are done; by default seen from above.
+# Returns the colours of some points, 0 ... 255.
+DRAW_CUBE = """async ([obj, points, isRefined, view = { eye: [0, 14, 0], target: [0, 0, 0], up: [0, 0, -1], fov: 40 }]) => {
   const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");
   const { clipMatrix } = await import("/js/scene/mesh-camera.js");
   const { meshOf } = await import("/js/mesh/upload.js");
   const { packet } = await meshOf({ files: [{ path: "cube.obj", file: new File([obj], "cube.obj") }], formats: [".obj"] });
-  const view = { eye: [0, 14, 0], target: [0, 0, 0], up: [0, 0, -1], fov: 40 };
   const canvas = document.createElement("canvas");
   canvas.style.cssText = "position: fixed; top: 0; left: 0; width: 400px; height: 400px";
   document.body.append(canvas);
@@ -194,6 +193,26 @@ def test_first_shadow_of_a_preview_is_slightly_tinted_and_without_steps(farm: Fa
         assert np.abs(colors[:, 1] - colors[:, 2]).max() <= 3, "red"
         assert colors.min() > 60, "never black"
         assert np.abs(np.diff(colors[:, 1])).max() <= 9, "without steps"
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_box_with_smoothed_normals_has_sharp_edges_in_a_preview(farm: Farm, watched: Watched) -> None:
+    """Normals that point away from the middle of a cube, as in old FBX files, do not blur its edges."""
+    page = watched.page
+    page.goto(farm.url)
+    out = "".join(f"vn {x} {y} {z}\n" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))
+    faces = [line.split()[1:] for line in CUBE.splitlines() if line.startswith("f")]
+    smooth = CUBE.partition("f ")[0] + out + "".join("f " + " ".join(f"{k}//{k}" for k in face) + "\n" for face in faces)
+    view = {"eye": [4, 3, 6], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 30}
+    heights = [1.3, 1.5, 1.7]
+    left = [[x, y, 1] for y in heights for x in (0.8, 0.95)]
+    right = [[1, y, z] for y in heights for z in (0.8, 0.95)]
+    for is_refined in (False, True):
+        colors = np.array(page.evaluate(DRAW_CUBE, [smooth, left + right, is_refined, view]), dtype=int)[:, 1].reshape(2, 3, 2)
+        print(colors)
+        assert (colors[0, :, 1] - colors[1, :, 1]).min() > 5, f"an edge: {colors}"
+        assert np.abs(np.diff(colors)).max() <= 7, f"without a bevel: {colors}"
     assert watched.errors == []
 
 

@@ -275,25 +275,84 @@ def test_scene_is_seen_from_the_largest_mirrors(node: Node) -> None:
 
 
 def test_mirror_is_not_drawn_into_what_it_shows(node: Node) -> None:
+    """Balls and what shines have no place in the cube of the rest; balls are drawn twice, so that mirrors show each other."""
     body = """
-        const plain = { metallic: 0, roughness: 0.5, f0: [0.04, 0.04, 0.04], transmission: 0 };
-        const materials = [{ ...plain, metallic: 1, roughness: 0.1 }, plain];
-        const parts = [0, 0, 1].map((material, first) => ({ first, corners: 3, material }));
+        const mirrors = new m.MeshMirrors(new Proxy({}, { get: () => () => ({}) }));
+        const surfaces = a.radii.map((radius, first) => ({
+            ...{ part: { first }, middle: [first, 0, 0], size: 9, radius, isOutside: false, showsScene: first < 2 },
+            material: { alpha_mode: "opaque" },
+        }));
         const seen = [];
-        const canvas = Object.create(m.MeshCanvas.prototype, {
-            gl: { value: new Proxy({}, { get: () => () => {} }) },
-            look: { value: { gain: 1 } },
-            mirrored: { value: null, writable: true },
-            places: { value: parts.map(({ first }) => ({ middle: [first, 0, 0], size: 9, isDense: false, isBall: false })) },
-            drawMesh: { value: () => {
-                const { from, isSeen } = canvas.mirrored.drawing;
-                seen.push([from[0], canvas.partsOf(mesh).filter(isSeen).map(({ part }) => part.first)]);
-            } },
+        const lamps = new Set(surfaces.filter((_, i) => a.lamps.includes(i)).map(({ part }) => part));
+        mirrors.draw(surfaces, { radius: 20, triangles: 3, lamps, look: [] }, () => {
+            const { from, isChosen, isSeen, isReflecting } = mirrors.drawing;
+            seen.push([from[0], surfaces.filter(isChosen).filter(isSeen).map(({ part }) => part.first), isReflecting]);
         });
-        const mesh = { low: [0, 0, 0], high: [1, 1, 1], triangles: 3, parts, materials };
-        canvas.drawMirrored(mesh, {});
-        return [...seen.filter((_, i) => i % 6 === 0), canvas.mirrored.drawing];"""
-    assert node.call("scene/mesh-canvas", body, {}) == [[0, [1, 2]], [1, [0, 2]], None]
+        return [...seen.filter((_, i) => i % 6 === 0), mirrors.drawing];"""
+
+    def drawn(radii: list[float], lamps: list[int]) -> object:
+        return node.call("scene/mesh-mirror", body, {"radii": radii, "lamps": lamps})
+
+    assert drawn([0, 0, 0], []) == [[0, [1, 2], False], [1, [0, 2], False], None]
+    balls = [[0, [1], True], [1, [0], True]]
+    assert drawn([1, 1, 0, 0], [3]) == [[0, [2], False], [1, [2], False], *balls, *balls, None]
+
+
+SHAPES = """
+    const mesh = (await read("/js/news/mesh-packet.js")).decodeMesh(new Uint8Array(a).buffer, async () => null);
+    return [m.placeOf(mesh, mesh.parts[0]), m.rectangleOf(mesh, mesh.parts[0])];"""
+
+
+def shape(node: Node, positions: np.ndarray, triangles: list[list[int]], normals: np.ndarray) -> Any:
+    colors = np.full((len(positions), 4), 255, np.uint8)
+    parts, count = (PreviewPart(0, 3 * len(triangles), 0),), np.uint32(triangles)
+    mesh = PreviewMesh(positions, np.float32(normals), colors, count, parts=parts, materials=(PreviewMaterial(),))
+    return node.call("scene/mesh-parts", SHAPES, list(encode_mesh(mesh)))
+
+
+def test_balls_and_rectangles_are_recognized(node: Node) -> None:
+    """An ellipsoid, a hemisphere and a cube are no balls; a triangle, a disc and a bent quad are no rectangles."""
+    theta, phi = np.meshgrid(np.linspace(0, np.pi, 13), np.linspace(0, 2 * np.pi, 25), indexing="ij")
+    ways = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], axis=-1).reshape(-1, 3)
+    corners = [[25 * r + c, 25 * r + c + 1, 25 * r + c + 25 + k] for r in range(12) for c in range(24) for k in (0, 1)]
+
+    def radius(positions: np.ndarray, triangles: list[list[int]], normals: np.ndarray) -> float:
+        return float(shape(node, positions, triangles, normals)[0]["radius"])
+
+    assert radius(3 + 2 * ways, corners, ways) == pytest.approx(2, rel=0.01)
+    assert radius(ways * [1, 1.1, 1], corners, ways) == 0
+    assert radius(ways, corners[: len(corners) // 2], ways) == 0
+    cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
+    assert radius(cube, [[0, 1, 2]] * 60, cube / 3**0.5) == 0
+
+    def halves(positions: list[list[float]], triangles: list[list[int]]) -> Any:
+        found = shape(node, np.array(positions, np.float64), triangles, np.zeros((len(positions), 3)))[1]
+        return found and sorted(np.linalg.norm(found["halves"], axis=1))
+
+    tilted = [[0.0, 0, 0], [3, 0, 4], [3, 2, 4], [0, 2, 0]]
+    assert halves(tilted, [[0, 1, 2], [0, 2, 3]]) == pytest.approx([1, 2.5], rel=1e-3)
+    assert halves(tilted, [[0, 1, 2]]) is None
+    assert halves([*tilted[:3], [0, 2, 1]], [[0, 1, 2], [0, 2, 3]]) is None
+    disc = [[float(np.cos(k)), float(np.sin(k)), 0] for k in np.linspace(0, 2 * np.pi, 33)]
+    assert halves(disc, [[0, k, k + 1] for k in range(1, 32)]) is None
+
+
+def test_rectangles_stand_for_the_lamps_at_their_middles(node: Node) -> None:
+    body = """
+        const mesh = (await read("/js/news/mesh-packet.js")).decodeMesh(new Uint8Array(a).buffer, async () => null);
+        return m.rectanglesOf(mesh, mesh.lamps).map((each) => each?.radiance ?? null);"""
+    corners = np.array([[4.0, 0, 0], [6, 0, 0], [6, 2, 0], [4, 2, 0]])
+    lamps = (PreviewLamp((5.0, 1.0, 0.0), False, (1.0, 1.0, 1.0)), PreviewLamp((5.0, 0.0, 0.0), False, (1.0, 1.0, 1.0)))
+    mesh = PreviewMesh(
+        corners,
+        np.zeros((4, 3), np.float32),
+        np.full((4, 4), 255, np.uint8),
+        np.uint32([[0, 1, 2], [0, 2, 3]]),
+        parts=(PreviewPart(0, 6, 0),),
+        materials=(PreviewMaterial(emission=(14.0, 12.0, 10.0)),),
+        lamps=lamps,
+    )
+    assert node.call("scene/mesh-lamps", body, list(encode_mesh(mesh))) == [[14, 12, 10], None]
 
 
 def test_reading_is_given_up_when_it_takes_long_or_the_service_refuses(node: Node) -> None:

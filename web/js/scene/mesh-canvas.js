@@ -5,8 +5,9 @@ import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { KeptPicture, fromMiddle } from "./kept-picture.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
 import { chosenLight, isComputable } from "./chosen-light.js";
-import { lampsOf, sunsOn } from "./mesh-lamps.js";
-import { isMirror, mirrorCube, viewpoints } from "./mesh-mirror.js";
+import { lampsOf, rectanglesOf, sunsOn } from "./mesh-lamps.js";
+import { MIRROR_UNITS, MeshMirrors, isMirror } from "./mesh-mirror.js";
+import { placeOf } from "./mesh-parts.js";
 import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
 import { FLOOR_REACH } from "./mesh-shadow-places.js";
@@ -19,7 +20,7 @@ import { aroundTexture, fillTexel, fillTexture, standInOf, tablesOf, texelTextur
 /** @typedef {import("../news/mesh-packet.js").MeshMaterial} MeshMaterial */
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
 /** @typedef {import("../news/mesh-packet.js").MeshPart} MeshPart */
-/** @typedef {{part: MeshPart, material: MeshMaterial, showsScene: boolean, middle: Vec3, size: number, isDense: boolean, isBall: boolean}} DrawnPart */
+/** @typedef {import("./mesh-parts.js").Place & {part: MeshPart, material: MeshMaterial, showsScene: boolean}} DrawnPart */
 
 const MAX_RATIO = 2;
 /** Share of the resolution along a side with which the first frame and those of a moving camera are drawn without a graphics card; time, in milliseconds, from the last of them to one of full resolution. */
@@ -27,16 +28,8 @@ const [COARSE_RATIO, SETTLED_MS] = [0.5, 150];
 /** Time, in milliseconds, that a mesh waits for its textures: what was drawn before stays meanwhile. */
 const HELD_MS = 400;
 /** Texture units of the mesh: the projected picture has 1 to 4 (kept-picture.js), shadows 10 to 15; a program has one of them at most. */
-const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8, mirrored: 9 };
-/** Unit of the depths of what mirrors show, with a projected picture, and without. */
-const MIRRORED_DEPTH = { kept: 15, alone: 1 };
+const UNITS = { image: 0, roughMetal: 5, glow: 6, around: 7, behind: 8, mirrored: MIRROR_UNITS.color };
 const ALPHA_MODES = { opaque: 0, mask: 1, blend: 2 };
-/** Corners from which a part is shaded at its vertices. */
-const DENSE = 300_000;
-/** Corners of a part that its middle is computed from. */
-const SAMPLED = 64;
-/** Mean cosine of the angles between a part's normals and the directions from its middle, above which the part counts as a ball. */
-const ROUND = 0.9;
 /** Roughness of glass from which what is behind it is blurred. */
 const BLURRED = 0.05;
 
@@ -84,21 +77,21 @@ export class MeshCanvas {
     this.textures = [];
     /** Vertices and indices of the mesh. @type {WebGLBuffer[]} */
     this.buffers = [];
-    /** The light around, and for which floor it was computed. @type {{texture: WebGLTexture, irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[], hasFloor: boolean, above: Vec3, isBlack: boolean} | null} */
+    /** The light around, and for which floor it was computed. @type {{texture: WebGLTexture, irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[], rectangles: (import("./mesh-lamps.js").Rectangle | null)[], hasFloor: boolean, above: Vec3, isBlack: boolean} | null} */
     this.light = null;
     /** The light that the request chooses. @type {import("../base/types.js").EnvironmentRequest} */
     this.chosen = {};
     /** What is drawn before glass. @type {WebGLTexture | null} */
     this.behind = null;
-    /** The scene as its mirrors see it, and the light and the exposure with which it was drawn. drawing: what is being drawn; isSeen: which parts. @type {{cubes: (import("./mesh-mirror.js").Cube & {from: Vec3, of: Set<MeshPart>})[], drawing: {from: Vec3, isSeen: (part: DrawnPart) => boolean} | null, light: NonNullable<MeshCanvas["light"]>, gain: number} | null} */
-    this.mirrored = null;
-    /** Middles of the parts, relative to the mesh's, their sizes, and whether they are shaded at the vertices. @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}[]} */
+    this.mirrors = this.gl && new MeshMirrors(this.gl);
+    /** Of the parts. @type {import("./mesh-parts.js").Place[]} */
     this.places = [];
     this.resizing = new ResizeObserver(() => this.invalidate());
     this.resizing.observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
-      this.projector = this.light = this.behind = this.mirrored = null; // they were lost too
+      this.projector = this.light = this.behind = null; // they were lost too
+      this.mirrors = this.gl && new MeshMirrors(this.gl);
       this.programs = this.gl && new Programs(this.gl);
       this.shadows = this.gl && this.programs && new MeshShadows(this.gl, this.programs);
       if (this.mesh) this.setMesh(this.mesh);
@@ -133,7 +126,7 @@ export class MeshCanvas {
     for (const each of this.textures) gl.deleteTexture(each);
     if (this.light) gl.deleteTexture(this.light.texture);
     this.light = null;
-    this.forgetMirrored();
+    this.mirrors?.forget();
     /** @param {number} target @param {any} data */
     const fill = (target, data) => {
       const buffer = gl.createBuffer();
@@ -166,7 +159,7 @@ export class MeshCanvas {
         const shown = mesh.materials.filter(({ texture }) => texture === number);
         if (shown.some(({ alpha_mode: mode }) => mode !== "opaque")) this.shadows?.renew();
         else if (shown.length) this.shadows?.recolor();
-        this.forgetMirrored();
+        this.mirrors?.forget();
         this.canvas.dataset.textures = String(Number(this.canvas.dataset.textures ?? 0) + 1);
         this.invalidate();
       }),
@@ -327,30 +320,32 @@ export class MeshCanvas {
    * @param {{width: number, height: number} | null} onPage size of the canvas; null: the mesh is drawn into a texture, without its surroundings
    */
   drawMesh(toClip, mesh, view, kept, onPage) {
-    const { gl, programs } = this;
+    const { gl, programs, mirrors } = this;
     if (!gl || !programs) return;
     const light = this.prepareLight(mesh);
-    if (onPage && !kept && !this.isFirst) this.drawMirrored(mesh, view, light);
-    const { cubes = [], drawing = null } = this.mirrored ?? {};
+    const parts = this.partsOf(mesh).filter((each) => mirrors?.drawing?.isChosen(each) ?? true);
+    if (onPage && !kept && !this.isFirst) this.drawMirrored(parts, mesh, view, light);
+    const { drawing = null, features: reflecting = [] } = mirrors ?? {};
     const isQuick = this.isFirst && mesh.triangles > SHADOWED_AT_ONCE;
     const shadows = onPage && !kept && !isQuick && this.shadows?.isPossible ? this.shadows : null;
     const eye = drawing ? [...drawing.from, 1] : view.projection === "orthographic" ? [...cameraAxes(view)[2], 0] : [...fromMiddle(view.eye, mesh.low, mesh.high), 1];
     const isDefaultCurve = this.look.curve === curveIndex(DEFAULT_CURVE);
     /** @type {import("./mesh-program.js").Feature[]} */
-    const curves = isDefaultCurve ? [] : ["CURVES"];
+    const looks = isDefaultCurve ? [] : ["CURVES"];
+    if (light.lamps.length) looks.push("LAMPS");
+    if (light.rectangles.some(Boolean)) looks.push("RECTANGLES");
     /**
      * Chooses the program that draws some parts. Returns false if the driver refuses it.
      *
-     * @param {{material: MeshMaterial, showsScene: boolean}[]} of
+     * @param {{material: MeshMaterial}[]} of
      * @param {number} pass
-     * @param {boolean} [isDense]
+     * @param {{isDense?: boolean, isMirror?: boolean}} [how]
      */
-    const use = (of, pass, isDense = false) => {
-      const features = [...curves, ...featuresOf(of, drawing !== null)];
+    const use = (of, pass, { isDense = false, isMirror = false } = {}) => {
+      const features = [...looks, ...featuresOf(of)];
       if (kept) features.push("KEPT");
       if (shadows) features.push("SHADOWS");
-      if (!drawing && cubes.length && of.some(({ showsScene }) => showsScene)) features.push("MIRRORS");
-      if (light.lamps.length) features.push("LAMPS");
+      if (isMirror) features.push(...reflecting);
       const linked = isDense ? programs.with(DENSE_VERTEX, DENSE_FRAGMENT, features) : programs.with(VERTEX, FRAGMENT, features);
       if (!linked) return false;
       const { program, at } = linked;
@@ -366,15 +361,16 @@ export class MeshCanvas {
       gl.uniform1f(at("gain"), this.look.gain);
       gl.uniform1i(at("curve"), this.look.curve);
       gl.uniform3fv(at("irradiance"), light.irradiance);
-      this.setLamps(light.lamps, mesh);
+      this.setLamps(light, mesh);
       if (onPage) shadows?.bind(at, onPage);
-      gl.uniform1i(at("mirroredDepth"), this.kept ? MIRRORED_DEPTH.kept : MIRRORED_DEPTH.alone);
+      gl.uniform1i(at("mirroredDepth"), MIRROR_UNITS.depth[this.kept ? "kept" : "alone"]);
+      gl.uniform1i(at("mirroredBalls"), MIRROR_UNITS.balls[this.kept ? "kept" : "alone"]);
+      gl.uniform1i(at("hasBehind"), 0);
       gl.uniform1i(at("isBlack"), light.isBlack ? 1 : 0);
       return true;
     };
     if (onPage) shadows?.follow(toClip, eye, onPage);
     if (onPage) gl.viewport(0, 0, onPage.width, onPage.height);
-    const parts = this.partsOf(mesh);
     const draw = (/** @type {DrawnPart} */ each) => {
       if (drawing?.isSeen(each) ?? true) this.drawPart(each);
     };
@@ -386,24 +382,24 @@ export class MeshCanvas {
     const opaque = parts.filter(({ material }) => material.transmission === 0 || drawing);
     for (const dense of [true, false]) {
       const chosen = opaque.filter(({ isDense, material }) => dense === (isDense && isDefaultCurve && isPlain(material)));
-      if (chosen.length && use(dense ? chosen : [...chosen, ...blended], PASS.opaque, dense)) chosen.forEach(draw);
+      // All that is no mirror has the first frame's program, which is also faster.
+      for (const shows of [false, true]) {
+        const of = chosen.filter(({ showsScene }) => shows === (showsScene && reflecting.length > 0));
+        if (of.length && use(drawing ? of : [...chosen, ...(dense ? [] : blended)], PASS.opaque, { isDense: dense, isMirror: shows })) of.forEach(draw);
+      }
     }
-    if (onPage && shadows && this.hasFloor) this.drawFloor(shadows, toClip, eye, onPage, light, [...curves, ...(light.lamps.length ? /** @type {const} */ (["LAMPS"]) : [])]);
+    if (onPage && shadows && this.hasFloor) this.drawFloor(shadows, toClip, eye, onPage, light, looks);
     const hasBehind = onPage !== null && glass.length > 0;
     if (hasBehind) this.copyBehind(onPage, glass.some(({ material }) => material.roughness > BLURRED));
     if (onPage && !kept) {
-      this.drawBackdrop(view, onPage.width / onPage.height, light, programs.with(BACKDROP_VERTEX, BACKDROP_FRAGMENT, curves));
+      this.drawBackdrop(view, onPage.width / onPage.height, light, programs.with(BACKDROP_VERTEX, BACKDROP_FRAGMENT, isDefaultCurve ? [] : ["CURVES"]));
     }
-    if (glass.length && use(glass, PASS.glass)) {
+    if (glass.length && use(glass, PASS.glass, { isMirror: true })) {
       gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);
       if (hasBehind) bind(gl, UNITS.behind, this.behind);
-      for (const each of farthestFirst(glass)) {
-        gl.uniform1i(this.at("isBall"), each.isBall && !each.material.thin ? 1 : 0);
-        gl.uniform1f(this.at("depth"), each.material.thin ? 0 : each.size);
-        draw(each);
-      }
+      farthestFirst(glass).forEach(draw);
     }
-    if (blended.length && use([...opaque, ...blended], PASS.blend)) {
+    if (blended.length && use([...opaque, ...blended], PASS.blend, { isMirror: blended.some(({ showsScene }) => showsScene) })) {
       gl.enable(gl.BLEND);
       gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(false);
@@ -423,56 +419,21 @@ export class MeshCanvas {
   /** Returns the parts, with their materials, and whether they show the scene. @param {MeshPacket} mesh @returns {DrawnPart[]} */
   partsOf(mesh) {
     return mesh.parts.map((part, i) => {
-      const place = /** @type {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}} */ (this.places[i]);
+      const place = /** @type {import("./mesh-parts.js").Place} */ (this.places[i]);
       const material = /** @type {MeshMaterial} */ (mesh.materials[part.material]);
       return { part, ...place, material, showsScene: isMirror(material) };
     });
   }
 
-  /** Draws the scene for its mirrors, unless it is drawn in this light and with this exposure. @param {MeshPacket} mesh @param {View} view @param {NonNullable<MeshCanvas["light"]>} light */
-  drawMirrored(mesh, view, light) {
-    const { gl, look } = this;
-    if (this.mirrored && (this.mirrored.gain !== look.gain || this.mirrored.light !== light)) this.forgetMirrored();
-    if (!gl || this.mirrored) return;
-    const parts = this.partsOf(mesh);
-    const mirrors = parts.filter(({ showsScene }) => showsScene);
-    if (!mirrors.length) return;
+  /** Draws the scene for its mirrors. @param {DrawnPart[]} parts @param {MeshPacket} mesh @param {View} view @param {NonNullable<MeshCanvas["light"]>} light */
+  drawMirrored(parts, mesh, view, light) {
     const radius = Math.hypot(...mesh.high.map((value, i) => value - (mesh.low[i] ?? 0))) / 2 || 1;
-    /** @type {NonNullable<MeshCanvas["mirrored"]>} */
-    const mirrored = (this.mirrored = { cubes: [], drawing: null, light, gain: look.gain });
-    gl.enable(gl.DEPTH_TEST);
-    for (const { from, of } of viewpoints(mirrors, mesh.triangles)) {
-      if (of.length === parts.length) continue; // nothing else is seen
-      const showing = new Set(of.map(({ part }) => part));
-      const cube = mirrorCube(gl, radius, from, (toClip, isSeen) => {
-        mirrored.drawing = { from, isSeen: (each) => !showing.has(each.part) && isSeen(each) };
-        this.drawMesh(toClip, mesh, view, null, null);
-      });
-      mirrored.cubes.push({ ...cube, from, of: showing });
-    }
-    mirrored.drawing = null;
+    const lamps = new Set(light.rectangles.flatMap((each) => each?.part ?? []));
+    this.mirrors?.draw(parts, { radius, triangles: mesh.triangles, lamps, look: [light, this.look.gain] }, (toClip) => this.drawMesh(toClip, mesh, view, null, null));
   }
 
-  forgetMirrored() {
-    for (const { color, depth } of this.mirrored?.cubes ?? []) for (const each of [color, depth]) this.gl?.deleteTexture(each);
-    this.mirrored = null;
-  }
-
-  /** Binds the cube of a mirror. Returns false if it has none. @param {MeshPart} part */
-  bindMirrored(part) {
-    const { gl, at, mirrored } = this;
-    const cube = mirrored?.cubes.find(({ of }) => of.has(part));
-    if (!gl || !cube || mirrored?.drawing) return false;
-    gl.uniform3fv(at("mirroredFrom"), cube.from);
-    gl.activeTexture(gl.TEXTURE0 + UNITS.mirrored);
-    gl.bindTexture(gl.TEXTURE_CUBE_MAP, cube.color);
-    gl.activeTexture(gl.TEXTURE0 + (this.kept ? MIRRORED_DEPTH.kept : MIRRORED_DEPTH.alone));
-    gl.bindTexture(gl.TEXTURE_CUBE_MAP, cube.depth);
-    return true;
-  }
-
-  /** @param {{part: MeshPart, material: MeshMaterial, showsScene: boolean}} drawn */
-  drawPart({ part, material, showsScene }) {
+  /** @param {DrawnPart} drawn */
+  drawPart({ part, material, showsScene, isBall, size }) {
     const { gl, at, textures } = this;
     if (!gl) return;
     bind(gl, UNITS.roughMetal, textures.at(material.metallic_roughness_texture) ?? null); // -1 is the last
@@ -487,7 +448,9 @@ export class MeshCanvas {
     gl.uniform1f(at("coat"), material.coat);
     gl.uniform1f(at("coatRoughness"), material.coat_roughness);
     gl.uniform1i(at("unlit"), material.unlit ? 1 : 0);
-    gl.uniform1i(at("showsScene"), showsScene && this.bindMirrored(part) ? 1 : 0);
+    gl.uniform1i(at("isBall"), isBall && !material.thin ? 1 : 0);
+    gl.uniform1f(at("depth"), material.thin ? 0 : size);
+    gl.uniform1i(at("showsScene"), showsScene && this.mirrors?.bind(part, at, this.kept !== null) ? 1 : 0);
     gl.uniform1i(at("isWhole"), material.texture < 0 && !this.kept ? 1 : 0);
     this.drawShape(part, material, at);
   }
@@ -513,13 +476,13 @@ export class MeshCanvas {
     const tables = tablesOf(mesh, JSON.stringify(this.chosen), () => environment, { up: this.above, hasFloor, suns: sunsOn(this.above, lamps), around, isAlone: isBlack });
     if (this.light) gl.deleteTexture(this.light.texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.around);
-    this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, hasFloor, above: this.above, isBlack };
+    this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, rectangles: rectanglesOf(mesh, lamps), hasFloor, above: this.above, isBlack };
     if (this.shadows?.isPossible) this.shadows.begin({ mesh, tables, lamps, above: hasFloor ? this.above : null, isAlone: isBlack, drawPart: (part, material, at) => this.drawShape(part, material, at) });
     return this.light;
   }
 
-  /** @param {import("../news/mesh-packet.js").Lamp[]} lamps @param {MeshPacket} mesh */
-  setLamps(lamps, { low, high }) {
+  /** @param {Pick<NonNullable<MeshCanvas["light"]>, "lamps" | "rectangles">} light @param {MeshPacket} mesh */
+  setLamps({ lamps, rectangles }, { low, high }) {
     const { gl, at } = this;
     if (!gl) return;
     gl.uniform1i(at("lampCount"), lamps.length);
@@ -528,6 +491,8 @@ export class MeshCanvas {
     gl.uniform3fv(at("lampColors"), lamps.flatMap(({ color }) => color));
     gl.uniform3fv(at("lampAxes"), lamps.flatMap(({ axis }) => axis));
     gl.uniform2fv(at("lampCosines"), lamps.flatMap(({ cosines }) => cosines));
+    gl.uniform3fv(at("lampHalves"), rectangles.flatMap((each) => each?.halves.flat() ?? [0, 0, 0, 0, 0, 0]));
+    gl.uniform3fv(at("lampRadiances"), rectangles.flatMap((each) => each?.radiance ?? [0, 0, 0]));
   }
 
   /** Copies what is drawn before glass into a texture. @param {{width: number, height: number}} size @param {boolean} isBlurred */
@@ -547,7 +512,7 @@ export class MeshCanvas {
    * @param {Float32Array<ArrayBuffer>} toClip
    * @param {number[]} eye
    * @param {{width: number, height: number}} size of the canvas
-   * @param {{irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[]}} light
+   * @param {NonNullable<MeshCanvas["light"]>} light
    * @param {import("./mesh-program.js").Feature[]} features
    */
   drawFloor(shadows, toClip, eye, size, light, features) {
@@ -563,7 +528,7 @@ export class MeshCanvas {
     gl.uniform4fv(at("eye"), eye);
     gl.uniform1f(at("gain"), this.look.gain);
     gl.uniform1i(at("curve"), this.look.curve);
-    this.setLamps(light.lamps, mesh);
+    this.setLamps(light, mesh);
     const isBlended = light.lamps.length > 0; // else it hides what is behind it, which need not be shaded
     if (isBlended) {
       gl.enable(gl.BLEND);
@@ -625,12 +590,12 @@ function bind(gl, unit, texture) {
   gl.bindTexture(gl.TEXTURE_2D, texture);
 }
 
-/** Returns what the program of some parts must draw. @param {{material: MeshMaterial}[]} parts @param {boolean} inCube for mirrors */
-function featuresOf(parts, inCube) {
+/** Returns what the program of some parts must draw. @param {{material: MeshMaterial}[]} parts */
+function featuresOf(parts) {
   /** @type {import("./mesh-program.js").Feature[]} */
   const features = [];
   const has = (/** @type {(material: MeshMaterial) => boolean} */ test) => parts.some(({ material }) => test(material));
-  if (has(({ transmission }) => transmission > 0)) features.push(inCube ? "CLEAR" : "GLASS");
+  if (has(({ transmission }) => transmission > 0)) features.push("GLASS");
   if (has(({ coat }) => coat > 0)) features.push("COAT");
   if (has((material) => Math.max(material.metallic_roughness_texture, material.emission_texture) >= 0)) features.push("MAPS");
   return features;
@@ -641,32 +606,3 @@ const isPlain = (material) => !material.unlit && material.transmission === 0 && 
 
 /** @param {number[]} vector @returns {Vec3} */
 const unit = (vector) => /** @type {Vec3} */ (vector.map((value) => value / (Math.hypot(...vector) || 1)));
-
-/** Returns a part's approximate centre, relative to the mesh's, its longest extent, whether it is shaded at its vertices: it has more than DENSE corners, and normals; and whether it is a ball. @param {MeshPacket} mesh @param {MeshPart} part @returns {{middle: Vec3, size: number, isDense: boolean, isBall: boolean}} */
-function placeOf({ positions, normals, indices, low, high }, { first, corners }) {
-  const step = Math.max(1, Math.floor(corners / SAMPLED));
-  const sum = [0, 0, 0];
-  const least = [65535, 65535, 65535];
-  const most = [0, 0, 0];
-  let sampled = 0;
-  let isDense = corners > DENSE;
-  for (let i = first; i < first + corners; i += step, sampled++) {
-    const vertex = indices[i] ?? 0;
-    isDense &&= normals[4 * vertex] !== 0 || normals[4 * vertex + 1] !== 0 || normals[4 * vertex + 2] !== 0;
-    for (let axis = 0; axis < 3; axis++) {
-      const value = positions[4 * vertex + axis] ?? 0;
-      sum[axis] = (sum[axis] ?? 0) + value;
-      least[axis] = Math.min(least[axis] ?? 0, value);
-      most[axis] = Math.max(most[axis] ?? 0, value);
-    }
-  }
-  const scale = (/** @type {number} */ axis) => ((high[axis] ?? 0) - (low[axis] ?? 0)) / 65535;
-  const middle = /** @type {Vec3} */ (sum.map((value, axis) => (value / sampled - 32767.5) * scale(axis)));
-  let facing = 0;
-  for (let i = first; i < first + corners; i += step) {
-    const vertex = indices[i] ?? 0;
-    const out = unit([0, 1, 2].map((axis) => ((positions[4 * vertex + axis] ?? 0) - (sum[axis] ?? 0) / sampled) * scale(axis)));
-    facing += out.reduce((all, value, axis) => all + (value * (normals[4 * vertex + axis] ?? 0)) / 127, 0) / sampled;
-  }
-  return { middle, isDense, isBall: facing > ROUND, size: Math.max(...most.map((value, axis) => (value - (least[axis] ?? 0)) * scale(axis))) };
-}

@@ -15,12 +15,14 @@ const float FLOOR_TEXELS = ${FLOOR_TEXELS}.0;
 uniform sampler2D floorAway; // how far what shadows it is, weighted, and the sum of the weights
 uniform float floorSpread; // angle between neighbouring directions of the light so far, in proportion to that of all
 const float BLUR = 0.09; // half the angle between neighbouring ones of all directions, about
+const vec2 FAINT = vec2(0.003, 0.011); // part of the light below which a shadow is that of a single direction, far from what casts it
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 // Radiance that the floor lacks at a point of its map.
 vec3 lackingAt(vec2 uv, float level) {
   vec2 edge = 1.0 - smoothstep(0.3, 0.5, abs(uv - 0.5));
   vec4 missed = textureLod(floorMissed, uv, floor(8.0 * level + 0.5) / 8.0); // levels that differ within a group of pixels are slow in software
-  return edge.x * edge.y * missed.rgb / max(missed.a, 1e-9) * dot(floorRadiance, LUMINANCE);
+  vec3 part = missed.rgb / max(missed.a, 1e-9);
+  return edge.x * edge.y * smoothstep(FAINT.x, FAINT.y, abs(dot(part, LUMINANCE))) * part * dot(floorRadiance, LUMINANCE);
 }
 // Blur width of the floor's shadow, in texels: it grows with the distance of what casts the shadow. Negative: there is no shadow.
 float floorBlur(vec2 uv) {

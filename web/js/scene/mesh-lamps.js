@@ -1,9 +1,12 @@
 /** The lamps by which a preview mesh is shaded: the strongest ones, and what all others and reflections between surfaces add. */
 
+import { rectangleOf } from "./mesh-parts.js";
 import { MOST_LAMPS } from "./mesh-shader.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../news/mesh-packet.js").Lamp} Lamp */
+/** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
+/** A lamp that is a rectangle: the part that shines, from its middle to those of two sides, and its radiance. @typedef {{part: import("../news/mesh-packet.js").MeshPart, halves: [Vec3, Vec3], radiance: Vec3}} Rectangle */
 
 /** Radiance of a white surface that all lamps together light, where a file states no unit, or they are far too weak or strong. */
 const USUAL = 1.5;
@@ -25,6 +28,21 @@ export function lampsOf(lamps, isAlone) {
   const sum = (/** @type {Lamp[]} */ of) => of.reduce((all, { color }) => /** @type {Vec3} */ (all.map((value, i) => value + (color[i] ?? 0))), /** @type {Vec3} */ ([0, 0, 0]));
   const [between, others] = [scaled(sum(sorted), isAlone ? BETWEEN * Math.min(1, USUAL / (total * scale || 1)) : 0), scaled(sum(sorted.slice(MOST_LAMPS)), SCATTERED)];
   return { lamps: sorted.slice(0, MOST_LAMPS), around: /** @type {Vec3} */ (between.map((value, i) => value + (others[i] ?? 0))) };
+}
+
+/** Distance of a lamp from the middle of a rectangle that it stands for, in proportion to its sides. */
+const APART = 0.05;
+
+/** Returns the rectangles that lamps stand for; null where one is something else. @param {MeshPacket} mesh @param {Lamp[]} lamps @returns {(Rectangle | null)[]} */
+export function rectanglesOf(mesh, lamps) {
+  if (!lamps.length) return [];
+  const shining = mesh.parts.flatMap((part) => {
+    const { emission: radiance, emission_texture: texture } = /** @type {import("../news/mesh-packet.js").MeshMaterial} */ (mesh.materials[part.material]);
+    const found = Math.max(...radiance) > 0 && texture < 0 ? rectangleOf(mesh, part) : null;
+    return found ? [{ ...found, part, radiance }] : [];
+  });
+  const center = mesh.low.map((value, i) => (value + (mesh.high[i] ?? 0)) / 2);
+  return lamps.map(({ at, far }) => shining.find(({ middle, halves }) => !far && Math.hypot(...middle.map((value, i) => value + (center[i] ?? 0) - (at[i] ?? 0))) < APART * Math.hypot(...halves.flat())) ?? null);
 }
 
 /** Returns the radiance of a white surface in the light of the lamps that are far away. @param {Vec3} normal @param {Lamp[]} lamps @returns {Vec3} */

@@ -1,12 +1,21 @@
-/** Reflections in the mirrors of a preview mesh: its other surfaces, drawn once from a point into the six sides of a cube, with their depths. */
+/**
+ * Reflections in the mirrors of a preview mesh: its other surfaces, drawn once from a point into the six sides of a cube, with their depths. Balls have
+ * a cube of their own: rays are intersected with them exactly, and they hide nothing of the rest.
+ */
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../news/mesh-packet.js").MeshMaterial} MeshMaterial */
+/** @typedef {import("../news/mesh-packet.js").MeshPart} MeshPart */
+/** @typedef {import("./mesh-parts.js").Place & {part: MeshPart, material: MeshMaterial, showsScene: boolean}} Surface */
 
 /** Side length in texels. */
 export const SIDE = 128;
+/** Balls that rays are intersected with. */
+export const MOST_BALLS = 8;
 /** Bounds of the depths, in radii of the scene. */
 export const [NEAR, FAR] = [0.01, 2.1];
+/** How often balls are drawn into the cubes: with what is seen in mirrors that are seen in them, and once more with that. */
+const SWEEPS = 2;
 /** Least reflectance, and greatest roughness, of a surface that shows other surfaces. */
 const [REFLECTS, ROUGH] = [0.15, 0.6];
 /** The directions to the right, up and forward of each side, as OpenGL defines them. */
@@ -22,7 +31,12 @@ const SIDES = /** @type {[Vec3, Vec3, Vec3][]} */ ([
 /** Maximum number of mirrors with cubes of their own, and of triangles that are drawn for a side of all of these. */
 const [MOST_OWN, MOST_TRIANGLES] = [4, 100_000];
 
+/** Texture units of the cubes: of their colours; and of their depths, and of balls, with a projected picture and without. */
+export const MIRROR_UNITS = { color: 9, depth: { kept: 15, alone: 1 }, balls: { kept: 14, alone: 2 } };
+
 /** Colours and depths of the surfaces around a point. @typedef {{color: WebGLTexture, depth: WebGLTexture}} Cube */
+/** What some mirrors show. from: where it is drawn from. isFollowed: whether rays meet it elsewhere than at the bounds of the scene. balls: colours only; null: none is drawn. @typedef {Cube & {from: Vec3, of: Set<MeshPart>, isFollowed: boolean, balls: WebGLTexture | null}} Mirrored */
+/** What is being drawn into a cube. isChosen: whether a surface is drawn, and isSeen: on this side. isReflecting: whether mirrors show their cubes. @typedef {{from: Vec3, isChosen: (surface: Surface) => boolean, isSeen: (surface: Surface) => boolean, isReflecting: boolean}} Drawing */
 
 /** Returns whether a surface reflects or refracts the others. @param {MeshMaterial} material */
 export const isMirror = ({ metallic, roughness, f0, transmission }) => transmission > 0 || (roughness < ROUGH && (metallic > 0.5 || Math.max(...f0) > REFLECTS));
@@ -45,16 +59,122 @@ export function viewpoints(mirrors, triangles) {
   return found;
 }
 
+/** The scene as its mirrors see it. */
+export class MeshMirrors {
+  /** @param {WebGL2RenderingContext} gl */
+  constructor(gl) {
+    this.gl = gl;
+    /** @type {Mirrored[]} */
+    this.cubes = [];
+    /** @type {Surface[]} */
+    this.balls = [];
+    /** @type {Drawing | null} */
+    this.drawing = null;
+    /** With what light and what exposure it is drawn. @type {unknown[] | null} */
+    this.look = null;
+  }
+
+  forget() {
+    for (const { color, depth, balls } of this.cubes) for (const each of [color, depth, balls]) this.gl.deleteTexture(each);
+    this.cubes = [];
+    this.look = null;
+  }
+
+  /**
+   * Draws the scene for its mirrors, unless it is drawn in this light and with this exposure.
+   *
+   * @param {Surface[]} surfaces
+   * @param {{radius: number, triangles: number, lamps: Set<MeshPart>, look: unknown[]}} scene lamps: what shines, and is not drawn
+   * @param {(toClip: Float32Array<ArrayBuffer>) => void} draw draws the side of a cube, as `drawing` tells
+   */
+  draw(surfaces, { radius, triangles, lamps, look }, draw) {
+    const { gl } = this;
+    if (this.look?.every((value, i) => value === look[i])) return;
+    this.forget();
+    this.look = look;
+    const mirrors = surfaces.filter(({ showsScene }) => showsScene);
+    if (!mirrors.length) return;
+    this.balls = surfaces.filter(({ radius: own, material }) => own > 0 && material.alpha_mode === "opaque").toSorted((a, b) => b.size - a.size).slice(0, MOST_BALLS);
+    gl.enable(gl.DEPTH_TEST);
+    this.bindCubes(null, null, null, false); // shaders must not read what they write
+    const isBall = (/** @type {Surface} */ { part }) => this.balls.some((each) => each.part === part);
+    /** @param {Vec3} from @param {(surface: Surface) => boolean} isChosen @param {boolean} isReflecting */
+    const cubeOf = (from, isChosen, isReflecting) =>
+      mirrorCube(gl, radius, from, (toClip, isSeen) => {
+        this.drawing = { from, isReflecting, isChosen, isSeen };
+        draw(toClip);
+      });
+    for (const { from, of } of viewpoints(mirrors, triangles)) {
+      if (of.length === surfaces.length) continue; // nothing else is seen
+      const showing = new Set(of.map(({ part }) => part));
+      const rest = surfaces.filter((each) => !showing.has(each.part) && !isBall(each) && !lamps.has(each.part));
+      const cube = cubeOf(from, ({ part }) => rest.some((each) => each.part === part), false);
+      this.cubes.push({ ...cube, from, of: showing, isFollowed: rest.some(({ isOutside }) => !isOutside), balls: null });
+    }
+    for (let sweep = 0; this.balls.length && sweep < Math.min(SWEEPS, this.cubes.length); sweep++)
+      for (const cube of this.cubes) {
+        const { color, depth } = cubeOf(cube.from, (each) => isBall(each) && !cube.of.has(each.part), true);
+        for (const each of [depth, cube.balls]) gl.deleteTexture(each);
+        cube.balls = color;
+      }
+    this.drawing = null;
+  }
+
+  /** @param {WebGLTexture | null} color @param {WebGLTexture | null} depth @param {WebGLTexture | null} balls @param {boolean} isKept */
+  bindCubes(color, depth, balls, isKept) {
+    const { gl } = this;
+    const of = isKept ? "kept" : "alone";
+    for (const [unit, texture] of /** @type {const} */ ([
+      [MIRROR_UNITS.color, color],
+      [MIRROR_UNITS.depth[of], depth],
+      [MIRROR_UNITS.balls[of], balls],
+    ])) {
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(gl.TEXTURE_CUBE_MAP, texture);
+    }
+  }
+
+  /** What programs of mirrors must do. @returns {import("./mesh-program.js").Feature[]} */
+  get features() {
+    if (!this.isReflecting) return [];
+    return ["MIRRORS", ...(this.balls.length ? /** @type {const} */ (["BALLS"]) : []), ...(this.cubes.some(({ isFollowed }) => isFollowed) ? /** @type {const} */ (["FOLLOWED"]) : [])];
+  }
+
+  /** Whether surfaces show cubes in what is drawn now. */
+  get isReflecting() {
+    return this.cubes.length > 0 && (this.drawing?.isReflecting ?? true);
+  }
+
+  /**
+   * Binds the cube of a mirror. Returns false if it has none.
+   *
+   * @param {MeshPart} part
+   * @param {(name: string) => WebGLUniformLocation | null} at finds the program's uniforms
+   * @param {boolean} isKept whether there is a projected picture
+   */
+  bind(part, at, isKept) {
+    const { gl, balls } = this;
+    const cube = this.isReflecting && this.cubes.find(({ of }) => of.has(part));
+    if (!cube) return false;
+    const drawn = cube.balls ? balls.filter((each) => !cube.of.has(each.part)) : [];
+    gl.uniform3fv(at("mirroredFrom"), cube.from);
+    gl.uniform1i(at("ballCount"), drawn.length);
+    if (drawn.length) gl.uniform4fv(at("balls"), drawn.flatMap(({ middle, radius, showsScene }) => [...middle, showsScene ? -radius : radius]));
+    this.bindCubes(cube.color, cube.depth, cube.balls, isKept);
+    return true;
+  }
+}
+
 /**
  * Draws a cube.
  *
  * @param {WebGL2RenderingContext} gl
  * @param {number} radius of the scene
  * @param {Vec3} from where it is seen from
- * @param {(toClip: Float32Array<ArrayBuffer>, isSeen: (part: {middle: Vec3, size: number}) => boolean) => void} draw draws a side
- * @returns {Cube} not bound to the active unit
+ * @param {(toClip: Float32Array<ArrayBuffer>, isSeen: (surface: {middle: Vec3, size: number}) => boolean) => void} draw draws a side
+ * @returns {Cube} bound to no unit
  */
-export function mirrorCube(gl, radius, from, draw) {
+function mirrorCube(gl, radius, from, draw) {
   const unit = gl.getParameter(gl.ACTIVE_TEXTURE);
   const depth = cubeTexture(gl, 1, gl.DEPTH_COMPONENT24, gl.NEAREST, gl.NEAREST);
   const color = cubeTexture(gl, Math.log2(SIDE) + 1, gl.RGBA8, gl.LINEAR_MIPMAP_LINEAR, gl.LINEAR);

@@ -2,11 +2,11 @@
 
 /**
  * Features that a program has only where they are drawn, since a processor that stands in for a graphics card takes long to compile
- * them. KEPT: a projected picture. GLASS: the pass of glass. CLEAR: glass as mirrors show it, which shows what is around the scene
- * only. LAMPS. COAT. MAPS: textures of roughness, metal or emission. CURVES: tone curves other than the default one. SHADOWS. FLOOR:
- * what is computed is that of the floor. MIRRORS: surfaces reflect the scene.
+ * them. KEPT: a projected picture. GLASS. LAMPS. COAT. MAPS: textures of roughness, metal or emission. CURVES: tone curves other than
+ * the default one. SHADOWS. FLOOR: what is computed is that of the floor. MIRRORS: surfaces reflect the scene. FOLLOWED: something in
+ * it is not at its bounds. BALLS: balls are in it. RECTANGLES: lamps are.
  *
- * @typedef {"SHADOWS" | "MIRRORS" | "FLOOR" | "KEPT" | "GLASS" | "CLEAR" | "LAMPS" | "COAT" | "MAPS" | "CURVES"} Feature
+ * @typedef {"SHADOWS" | "MIRRORS" | "FOLLOWED" | "BALLS" | "RECTANGLES" | "FLOOR" | "KEPT" | "GLASS" | "LAMPS" | "COAT" | "MAPS" | "CURVES"} Feature
  */
 
 /** Returns a shader's source with these features. @param {string} source @param {Feature[]} features */

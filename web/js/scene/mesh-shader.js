@@ -4,7 +4,7 @@ import { TONEMAP_GLSL } from "../film/tonemap.js";
 import { KEPT_GLSL } from "./kept-picture.js";
 import { FLOOR_MAP_GLSL } from "./mesh-floor-shader.js";
 import { LEVELS } from "./mesh-environment.js";
-import { FAR, NEAR, SIDE } from "./mesh-mirror.js";
+import { FAR, MOST_BALLS, NEAR, SIDE } from "./mesh-mirror.js";
 
 /** Lamps that the mesh is shaded by; what the others give comes from all around. */
 export const MOST_LAMPS = 4;
@@ -31,6 +31,15 @@ vec3 received(vec3 n) {
     + irradiance[8] * 0.546274 * (n.x * n.x - n.y * n.y), 0.0);
 }`;
 
+/** Normals for shadows: smoothed ones, unless they are those of a box whose edges are not sharp, rather than of a round surface. */
+export const EDGED_GLSL = `
+float bentOf(vec3 smoothed, vec3 flatly) {
+  return 1.0 - smoothstep(0.6, 0.94, dot(smoothed, flatly));
+}
+vec3 edged(vec3 smoothed, vec3 flatly) {
+  return normalize(mix(smoothed, flatly, bentOf(smoothed, flatly)));
+}`;
+
 /** Shadows at what the camera sees. */
 const SHADOWS_GLSL = `
 ${FLOOR_MAP_GLSL}
@@ -39,7 +48,8 @@ uniform sampler2D openLamps; // parts of the lamps' light that reach it
 uniform sampler2D seenDepth;
 uniform sampler2D seenNormal;
 uniform vec2 perPixel;
-// Light at a pixel of the canvas: that of the texels around it which show the same surface.
+${EDGED_GLSL}
+// Light at a pixel of the canvas: that of the texels around it which show the same surface. n: as edged
 void shadowsAt(vec2 pixel, float depth, float slack, vec3 n, out vec3 missed, out vec4 open) {
   ivec2 size = textureSize(seenDepth, 0);
   vec2 at = pixel * perPixel * vec2(size) - 0.5;
@@ -75,6 +85,10 @@ uniform vec4 lamps[${MOST_LAMPS}]; // places, with 1, or directions, with 0
 uniform vec3 lampColors[${MOST_LAMPS}]; // radiance of a white surface at the middle
 uniform vec3 lampAxes[${MOST_LAMPS}];
 uniform vec2 lampCosines[${MOST_LAMPS}];
+#ifdef RECTANGLES
+uniform vec3 lampHalves[${2 * MOST_LAMPS}]; // of rectangles, from the middle to those of two sides; 0: the lamp is none
+uniform vec3 lampRadiances[${MOST_LAMPS}]; // of rectangles
+#endif
 #endif
 uniform float metallic;
 uniform float roughness;
@@ -96,8 +110,9 @@ uniform highp samplerCube mirroredDepth;
 uniform vec3 mirroredFrom;
 uniform bool showsScene;
 uniform bool isBlack; // nothing is around the scene
+#ifdef FOLLOWED
 const int STEPS = 7, HALVINGS = 3; // along a ray, and of the step in which something is met
-const float THICK = 0.4; // a point is hidden if the surface seen towards it is nearer than this part of its distance
+const vec2 THICK = vec2(0.3, 0.5); // a point is hidden if the surface seen towards it is nearer than this part of its distance
 // Distance of the surface that the cube shows towards a point, in proportion to the point's own.
 float seenBehind(vec3 way) {
   vec3 sizes = abs(way);
@@ -105,14 +120,18 @@ float seenBehind(vec3 way) {
   float radius = 0.5 * length(extent);
   return 2.0 * radius * ${FAR * NEAR} / (${FAR + NEAR} - depth * ${FAR - NEAR}) / max(sizes.x, max(sizes.y, sizes.z));
 }
-// Place where a ray meets the scene, relative to the cube's middle: the first one behind the surface that the cube shows towards it, or else the
-// one where the ray leaves the bounds. w: 0 if the cube does not show that place.
+#endif
+// Place where a ray leaves the bounds, or before that meets the scene, relative to the cube's middle: the first one behind the surface that the cube
+// shows towards it. w: 0 if the cube does not show that place, for which something hides it.
 // Source: Szirmay-Kalos et al. 2005, "Approximate ray-tracing on the GPU with distance impostors".
 vec4 metAlong(vec3 place, vec3 way) {
   vec3 safe = mix(way, vec3(1e-6), lessThan(abs(way), vec3(1e-6)));
   vec3 ends = (0.5 * extent * sign(safe) - place) / safe;
   float end = max(min(ends.x, min(ends.y, ends.z)), 0.0);
   place -= mirroredFrom;
+#ifndef FOLLOWED
+  return vec4(place + end * way, 1.0);
+#else
   float before = 0.0, after = end, depth = 1.0;
   bool wasOpen = false, isFound = false;
   int step = 1, halved = 0;
@@ -134,23 +153,70 @@ vec4 metAlong(vec3 place, vec3 way) {
     wasOpen = isOpen;
     step++;
     if (!isFound || halved++ < HALVINGS) continue;
-    if (depth >= THICK) break;
+    if (depth >= THICK.y) break;
     isFound = false; // it passes behind something
     step = STEPS;
   }
-  return vec4(place + after * way, depth < THICK ? 0.0 : 1.0);
+  return vec4(place + after * way, smoothstep(THICK.x, THICK.y, depth));
+#endif
 }
+#ifdef BALLS
+uniform samplerCube mirroredBalls; // they only, as the rest
+uniform int ballCount;
+uniform vec4 balls[${MOST_BALLS}]; // middles and radii, of mirrors negative ones
+const float BEYOND = 0.04; // how far within its outline a ball is looked up, in radii: what is beyond it is not seen from the cube's middle
+// Direction in which the cube shows the nearest ball that a ray meets: a matte one where it is met, and a mirror, which looks about the same from
+// everywhere, at the same place of its outline. w: its part of the rays within an angle.
+vec4 ballAlong(vec3 place, vec3 way, float spread) {
+  float nearest = 1e30, part = 0.0;
+  vec3 met = vec3(0.0);
+  vec4 ball = vec4(1.0);
+  for (int i = 0; i < ballCount; i++) {
+    vec3 from = place - balls[i].xyz;
+    float along = -dot(from, way), radius = abs(balls[i].w);
+    if (along <= 0.0) continue;
+    float away = length(from + along * way);
+    float at = along - sqrt(max(radius * radius - away * away, 0.0));
+    float share = 1.0 - smoothstep(-along * spread, along * spread, away - radius);
+    if (share == 0.0 || at >= nearest) continue;
+    nearest = at;
+    part = share;
+    met = from + (balls[i].w < 0.0 ? along : at) * way;
+    ball = balls[i];
+  }
+  vec3 towards = ball.xyz - mirroredFrom;
+  float far = max(length(towards), 1e-6), radius = abs(ball.w);
+  towards /= far;
+  if (ball.w < 0.0) {
+    vec3 side = met - dot(met, towards) / max(1.0 + dot(way, towards), 0.1) * (way + towards); // turned as the directions are
+    float sine = min(length(met) / radius, 1.0 - BEYOND) * min(radius / far, 1.0);
+    return vec4(sqrt(1.0 - sine * sine) * towards + sine * normalize(side + 1e-6), part);
+  }
+  vec3 n = normalize(met);
+  float least = min(radius / far + BEYOND, 0.99), facing = -dot(n, towards);
+  if (facing < least) n = sqrt(1.0 - least * least) * normalize(n + facing * towards + 1e-6) - least * towards;
+  return vec4(far * towards + radius * n, part);
+}
+#endif
 #endif
 // Radiance along a ray: of the scene, if it is seen there, or else of its surroundings. spread: angle between the rays of neighbouring pixels.
 vec3 seenAlong(vec3 place, vec3 way, float rough, float spread) {
   vec3 light = reflected(way, rough);
 #ifdef MIRRORS
   if (showsScene) {
-    float texels = ${SIDE / 2}.0 * max(spread, 2.0 * rough * rough);
+    float wide = max(spread, 2.0 * rough * rough);
+    float level = clamp(log2(max(${SIDE / 2}.0 * wide, 1e-3)), 0.0, 6.0);
     vec4 met = metAlong(place, way);
-    vec4 known = met.w * textureLod(mirrored, met.xyz, clamp(log2(max(texels, 1e-3)), 0.0, 6.0));
+    vec4 known = met.w * textureLod(mirrored, met.xyz, level);
     if (isBlack) light = vec3(0.0);
     if (known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
+#ifdef BALLS
+    vec4 ball = ballAlong(place, way, wide);
+    if (ball.w > 0.0) {
+      vec4 shown = textureLod(mirroredBalls, ball.xyz, level);
+      if (shown.a > 0.01) light = mix(light, undisplayed(shown.rgb / shown.a), ball.w);
+    }
+#endif
   }
 #endif
   return light;
@@ -166,6 +232,25 @@ vec2 environmentBrdf(float nv, float rough) {
   float a = min(r.x * r.x, exp2(-9.28 * nv)) * r.x + r.y;
   return vec2(-1.04, 1.04) * a + r.zw;
 }
+#ifdef RECTANGLES
+const float LOBE = 4.5; // half the width of a rough reflection, by the square of the roughness
+// Radiance of the lamps that are rectangles along a ray. open: as shadowsAt.
+vec3 lampsAlong(vec3 place, vec3 way, float rough, float spread, vec4 open) {
+  vec3 light = vec3(0.0);
+  for (int i = 0; i < lampCount; i++) {
+    vec3 u = lampHalves[2 * i], v = lampHalves[2 * i + 1], to = lamps[i].xyz - place;
+    vec3 across = cross(u, v);
+    float far = dot(to, across) / dot(way, across);
+    if (!(far > 0.0) || dot(way, lampAxes[i]) > 0.0) continue; // it is no rectangle, or behind, or shines to the other side
+    vec3 at = far * way - to;
+    vec2 share = vec2(dot(at, u), dot(at, v)) / vec2(dot(u, u), dot(v, v));
+    vec2 wide = far * max(spread, LOBE * rough * rough) / vec2(length(u), length(v));
+    vec2 covered = smoothstep(-wide, wide, 1.0 - share) - smoothstep(-wide, wide, -1.0 - share);
+    light += covered.x * covered.y * open[i] * lampRadiances[i];
+  }
+  return light;
+}
+#endif
 #ifdef LAMPS
 // Light of the lamps: diffuse, and what a rough surface reflects of it (GGX, Walter et al. 2007).
 void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 again, vec4 open, inout vec3 diffuse, inout vec3 glossy) {
@@ -180,6 +265,9 @@ void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 ag
     float nl = max(dot(n, l), 0.0);
     vec3 light = lampColors[i] * near * cone * nl * open[i];
     diffuse += light;
+#ifdef RECTANGLES
+    if (lampHalves[2 * i] != vec3(0.0)) continue; // lampsAlong adds what a surface reflects of it
+#endif
     vec3 h = normalize(l + v);
     float nh = max(dot(n, h), 0.0);
     float nv = max(dot(n, v), 1e-3);
@@ -194,9 +282,9 @@ void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 ag
 ${SHADOWS_GLSL}
 #endif
 #ifdef GLASS
-const bool isClear = true;
+uniform float transmission;
 #else
-const bool isClear = false;
+const float transmission = 0.0;
 #endif
 const float LEAST_REFLECTED = 0.6; // part of the light that a mirror shows where the floor is in shadow
 // missed, open: as shadowsAt. diffuse: irradiance by pi. glossy: radiance. passed: part of the light that the surface does not reflect at once.
@@ -214,12 +302,15 @@ void shade(vec3 place, vec3 n, vec3 v, vec3 color, float rough, float metal, vec
   glossy = vec3(0.0);
   if (max(albedo.r, max(albedo.g, albedo.b)) > 0.0) {
     // The cube shows a surface of little reflectance itself.
-    vec3 light = isClear || max(reflectance.r, max(reflectance.g, reflectance.b)) > 0.15 ? seenAlong(place, mirror, rough, spread) : reflected(mirror, rough);
+    vec3 light = transmission > 0.0 || max(reflectance.r, max(reflectance.g, reflectance.b)) > 0.15 ? seenAlong(place, mirror, rough, spread) : reflected(mirror, rough);
 #ifdef SHADOWS
     // The floor's map lacks what hides the floor, such as a thick plate below a metal: without a bound, its lower half would be black.
     if (max(reflectance.r, max(reflectance.g, reflectance.b)) > 0.1 && dot(mirror, floorPlane.xyz) < 0.0) light = max(light - missedFrom(place, mirror, rough) * smoothstep(0.0, 0.2, -dot(mirror, floorPlane.xyz)), LEAST_REFLECTED * light);
 #endif
     glossy = light * albedo * mix(vec3(1.0), diffuse / max(whole, 1e-6), rough);
+#ifdef RECTANGLES
+    glossy += albedo * lampsAlong(place, mirror, rough, spread, open);
+#endif
   }
 #ifdef LAMPS
   addLamps(place, n, v, rough, reflectance, again, open, diffuse, glossy);
@@ -345,12 +436,9 @@ precision highp float;
 uniform sampler2D roughMetal;
 uniform sampler2D glow;
 #endif
-#if defined(GLASS) || defined(CLEAR)
-uniform float transmission;
+#ifdef GLASS
 uniform float ior;
 uniform bool thin;
-#endif
-#ifdef GLASS
 uniform mat4 toClip;
 uniform sampler2D behind; // what is drawn before glass, multiplied by its alpha
 uniform bool hasBehind;
@@ -365,7 +453,7 @@ ${LIGHT_GLSL}
 ${KEPT}
 ${WRITE_GLSL}
 in vec3 facing;
-#if defined(GLASS) || defined(CLEAR)
+#ifdef GLASS
 // Direction behind glass: through a ball, in and out again.
 vec3 refracted(vec3 n, vec3 v, out vec3 inside) {
   inside = -v;
@@ -374,13 +462,15 @@ vec3 refracted(vec3 n, vec3 v, out vec3 inside) {
   vec3 way = refract(inside, 2.0 * dot(n, inside) * inside - n, ior);
   return dot(way, way) < 0.5 ? inside : way;
 }
-#endif
-#ifdef GLASS
 vec3 transmitted(vec3 n, vec3 v, float rough) {
   vec3 inside, from = place;
   vec3 way = refracted(n, v, inside);
   if (isBall) from -= depth * dot(n, inside) * inside;
-  vec3 light = seenAlong(from, way, rough, SPREAD_OF(way));
+  float spread = SPREAD_OF(way);
+  vec3 light = seenAlong(from, way, rough, spread);
+#ifdef RECTANGLES
+  light += lampsAlong(from, way, rough, spread, vec4(1.0));
+#endif
 #ifdef MIRRORS
   if (isBall && showsScene) return light; // it shows what is behind upside down
 #endif
@@ -407,7 +497,7 @@ void main() {
   vec4 open = vec4(1.0);
 #ifdef SHADOWS
   float slack = fwidth(gl_FragCoord.z);
-  if (pass == ${PASS.opaque}) shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, n, missed, open);
+  if (pass == ${PASS.opaque}) shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, edged(n, flatly), missed, open);
 #endif
 #ifdef MAPS
   vec3 packed = texture(roughMetal, texel).rgb;
@@ -423,10 +513,6 @@ void main() {
     float passed;
     shade(place, n, v, base.rgb, rough, metal, missed, open, diffuse, glossy, passed);
     vec3 body = base.rgb * diffuse;
-#ifdef CLEAR
-    vec3 inside;
-    body = mix(body, base.rgb * reflected(refracted(n, v, inside), rough), transmission);
-#endif
 #ifdef GLASS
     // What does not leave glass at once leaves it to all sides.
     vec3 through = thin ? transmitted(n, v, rough) : mix(irradiance[0] * 0.282095, transmitted(n, v, rough), passed);

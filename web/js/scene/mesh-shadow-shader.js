@@ -1,6 +1,7 @@
 /** The shaders of a preview mesh's shadows: maps of depth from the light, and how much of the light each pixel misses. */
 
 import { FLOOR_MAP_GLSL } from "./mesh-floor-shader.js";
+import { EDGED_GLSL } from "./mesh-shader.js";
 
 /** Tiles of the map of depth, in a row and in all: each shows the scene from one direction. */
 export const [ACROSS, TILES] = [8, 64];
@@ -42,19 +43,23 @@ void main() {
   pixel = vec4(color * texture(image, texel).rgb, 1.0);
 }`;
 
-/** Normals of the surfaces that the camera sees. */
+/** Normals of the surfaces that the camera sees, with edges and smoothed. */
 export const NORMAL_FRAGMENT = `#version 300 es
 precision highp float;
 ${HIDDEN_GLSL}
 uniform vec4 eye;
 in vec3 facing;
-out vec4 pixel;
+${EDGED_GLSL}
+layout(location = 0) out vec4 pixel;
+layout(location = 1) out vec4 smoothed;
 void main() {
   if (isHidden()) discard;
   vec3 flatly = normalize(cross(dFdx(place), dFdy(place)));
   if (dot(flatly, normalize(eye.xyz - eye.w * place)) < 0.0) flatly = -flatly;
   vec3 n = dot(facing, facing) > 0.01 ? normalize(facing) : flatly;
-  pixel = vec4(0.5 + 0.5 * (dot(n, flatly) < 0.0 ? -n : n), 1.0);
+  if (dot(n, flatly) < 0.0) n = -n;
+  pixel = vec4(0.5 + 0.5 * edged(n, flatly), 1.0);
+  smoothed = vec4(0.5 + 0.5 * n, 1.0);
 }`;
 
 /** Normal of the floor. */
@@ -62,9 +67,10 @@ export const FLOOR_NORMAL_FRAGMENT = `#version 300 es
 precision highp float;
 uniform vec3 alongX;
 uniform vec3 alongY;
-out vec4 pixel;
+layout(location = 0) out vec4 pixel;
+layout(location = 1) out vec4 smoothed;
 void main() {
-  pixel = vec4(0.5 + 0.5 * normalize(cross(alongX, alongY)), 1.0);
+  pixel = smoothed = vec4(0.5 + 0.5 * normalize(cross(alongX, alongY)), 1.0);
 }`;
 
 /** Points of the scene, one for each pixel of what is written: those that the camera sees, or those of the floor. */
@@ -135,6 +141,7 @@ uniform vec3 albedoX; // from the middle, to coordinates of a view
 uniform vec3 albedoY;
 uniform bool isAlone; // only lamps light the scene, and what is seen in place of other light is an estimate
 layout(location = 0) out vec4 missed;
+${EDGED_GLSL}
 ${POINT_GLSL}
 // Mean albedo around a place. view: 0: from below, 1: from above.
 vec3 albedoAt(vec3 place, float view, float level) {
@@ -151,10 +158,13 @@ uniform float depthRange; // of the maps, in the scene
 layout(location = 1) out vec2 away; // how far what hides the light is, weighted by the light, and the sum of the weights
 #else
 ${FLOOR_MAP_GLSL}
+uniform sampler2D seenSmoothed;
 const float SPREAD = 0.3; // half the angle between neighbouring directions of a batch, about
 #endif
+const float WITHIN = 0.75; // part of the light that comes from behind the surface, compared with that of other surfaces
+const float GRAZING = 0.1; // cosine to a triangle's normal from which all light reaches its points
 void main() {
-  vec3 place, n;
+  vec3 place, edge;
   missed = vec4(0.0);
 #ifdef FLOOR
   away = vec2(0.0);
@@ -163,11 +173,17 @@ void main() {
   vec3 fromBelow = albedoAt(place, 0.0, 4.0), fromAbove = albedoAt(place, 1.0, 4.0); // blurred: else the colour of a roof would show below it
   vec3 up = cross(albedoX, albedoY) / dot(albedoX, albedoX);
 #endif
-  if (!point(place, n)) return;
+  if (!point(place, edge)) return;
+#ifdef FLOOR
+  vec3 n = edge;
+#else
+  vec3 n = normalize(2.0 * texelFetch(seenSmoothed, pixelOf(ivec2(gl_FragCoord.xy)), 0).rgb - 1.0);
+  float bent = bentOf(n, edge);
+#endif
   for (int i = 0; i < count; i++) {
     float cosine = dot(n, ways[i]);
     if (cosine <= 0.0) continue;
-    vec4 from = vec4(place + texelSize * (1.5 * n + ways[i]), 1.0);
+    vec4 from = vec4(place + texelSize * (1.5 * edge + ways[i]), 1.0);
     vec3 seen = vec3(dot(rows[3 * i], from), dot(rows[3 * i + 1], from), dot(rows[3 * i + 2], from));
     float open = 1.0;
     if (max(abs(seen.x), abs(seen.y)) < 0.995) {
@@ -187,7 +203,9 @@ void main() {
 #ifdef FLOOR
     vec3 lost = (1.0 - open) * colors[i];
 #else
-    vec3 lost = (1.0 - open) * (colors[i] - instead[i] * mix(fromAbove, fromBelow, 0.5 + 0.5 * dot(up, ways[i])));
+    float above = max(1.0 - bent, smoothstep(0.0, GRAZING, dot(edge, ways[i]))); // such a normal faces directions that are behind the surface
+    open *= above;
+    vec3 lost = (1.0 - open) * (colors[i] - mix(WITHIN, 1.0, above) * instead[i] * mix(fromAbove, fromBelow, 0.5 + 0.5 * dot(up, ways[i])));
     // A direction below the horizon sees the floor, whose shadow is missing from the light.
     if (dot(ways[i], floorPlane.xyz) < 0.0) lost += open * colors[i] * min(missedFrom(place, ways[i], SPREAD) / max(floorRadiance, vec3(1e-6)), 1.0);
 #endif

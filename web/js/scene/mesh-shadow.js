@@ -50,7 +50,7 @@ const SLACK = 1e-4;
 
 /** @typedef {(name: string) => WebGLUniformLocation | null} At */
 /** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, isAlone: boolean, drawPart: (part: MeshPart, material: MeshMaterial, at: At) => void}} Subject isAlone: whether only lamps light it. above: up in the scene, if it stands on a floor */
-/** What the camera sees, and the light that misses it: added up coarsely and finely, and smoothed. @typedef {{width: number, height: number, depth: WebGLTexture, normal: WebGLTexture, coarse: WebGLTexture, fine: WebGLTexture, missed: WebGLTexture, open: WebGLTexture}} Seen */
+/** What the camera sees, with normals as EDGED_GLSL has them and smoothed ones, and the light that misses it: added up coarsely and finely, and smoothed. @typedef {{width: number, height: number, depth: WebGLTexture, normal: WebGLTexture, smoothed: WebGLTexture, coarse: WebGLTexture, fine: WebGLTexture, missed: WebGLTexture, open: WebGLTexture}} Seen */
 /** Textures of the floor's map: the light that it misses, and how far what shadows it is; and of what these are computed from, the light that is hidden, and that which is reflected in its place. @typedef {{missed: WebGLTexture, away: WebGLTexture, hidden: WebGLTexture, given: WebGLTexture}} Floor */
 
 export class MeshShadows {
@@ -172,10 +172,10 @@ export class MeshShadows {
   /** @param {number} width @param {number} height */
   resize(width, height) {
     const { gl } = this;
-    if (this.seen) for (const texture of [this.seen.depth, this.seen.normal, this.seen.coarse, this.seen.fine, this.seen.missed, this.seen.open]) gl.deleteTexture(texture);
+    if (this.seen) for (const texture of [this.seen.depth, this.seen.normal, this.seen.smoothed, this.seen.coarse, this.seen.fine, this.seen.missed, this.seen.open]) gl.deleteTexture(texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.missed);
     const colors = (/** @type {number} */ format, share = 1) => colorTarget(gl, Math.ceil(width / share), Math.ceil(height / share), format);
-    this.seen = { width, height, depth: depthTarget(gl, width, height, gl.DEPTH_COMPONENT24), normal: colors(gl.RGBA8), coarse: colors(gl.RGBA16F, COARSE), fine: colors(gl.RGBA16F), missed: colors(gl.RGBA16F), open: colors(gl.RGBA8) };
+    this.seen = { width, height, depth: depthTarget(gl, width, height, gl.DEPTH_COMPONENT24), normal: colors(gl.RGBA8), smoothed: colors(gl.RGBA8), coarse: colors(gl.RGBA16F, COARSE), fine: colors(gl.RGBA16F), missed: colors(gl.RGBA16F), open: colors(gl.RGBA8) };
   }
 
   /** Draws depth and normals of what the camera sees. @param {number[]} eye */
@@ -184,6 +184,8 @@ export class MeshShadows {
     const linked = this.program(VERTEX, NORMAL_FRAGMENT);
     if (!seen || !linked || !maps || !subject || !toClip) return;
     this.target(seen.normal, seen.width, seen.height);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, gl.TEXTURE_2D, seen.smoothed, 0);
+    gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, seen.depth, 0);
     gl.clear(gl.DEPTH_BUFFER_BIT);
     gl.disable(gl.BLEND);
@@ -199,7 +201,8 @@ export class MeshShadows {
       this.placeFloor(floor.at);
       gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
     }
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
+    for (const each of [gl.COLOR_ATTACHMENT1, gl.DEPTH_ATTACHMENT]) gl.framebufferTexture2D(gl.FRAMEBUFFER, each, gl.TEXTURE_2D, null, 0);
+    gl.drawBuffers([gl.COLOR_ATTACHMENT0]);
   }
 
   /**
@@ -299,7 +302,7 @@ export class MeshShadows {
 
   /** Adds up what the light of some directions misses. @param {WebGLTexture} target @param {number} first @param {number} step pixels that a texel of the target stands for; 0: it is the floor's map @param {number} [most] directions, TOGETHER at most */
   gather(target, first, step, most = TOGETHER) {
-    const { gl, maps, samples, subject } = this;
+    const { gl, maps, samples, seen, subject } = this;
     const linked = this.program(GATHER_VERTEX, GATHER_FRAGMENT, step ? [] : ["FLOOR"]);
     if (!maps || !linked || !subject) return;
     const { at } = linked;
@@ -319,8 +322,11 @@ export class MeshShadows {
     gl.uniform3fv(at("ways"), samples.slice(first, last).flatMap(({ way }) => way));
     gl.uniform3fv(at("colors"), samples.slice(first, last).flatMap(({ color }) => color));
     gl.uniform3fv(at("instead"), this.instead.slice(3 * first, 3 * last));
-    if (step) this.setFloor(at);
-    if (!step) this.addFloor(at);
+    if (step) {
+      this.setFloor(at);
+      gl.uniform1i(at("seenSmoothed"), UNITS.open);
+      bindTexture(gl, UNITS.open, seen?.smoothed ?? null);
+    } else this.addFloor(at);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
