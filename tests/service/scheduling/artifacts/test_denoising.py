@@ -101,9 +101,7 @@ def test_last_picture_goes_before_previews(service: Service, worker: PeerWorker)
 
 
 @pytest.mark.long
-def test_scene_stores_how_long_denoising_takes(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_scene_stores_how_long_denoising_takes(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = service.ready_scene()
     job = service.submit(scene)
     service.wait_for(job, "finished")
