@@ -23,7 +23,7 @@ class MeasuredOut(BaseModel):
     )
     pace: float | None = Field(
         None,
-        description="duration of the job, relative to that of its batches on all slots; null: it was too short, or shared the slots",
+        description="duration of the job, relative to that of its batches on all slots; null: too short, or it shared the slots",
     )
     denoise_s: float | None = Field(
         None, description="seconds for a pixel of its denoised picture, from the request until it is stored; null: not measured"
