@@ -140,6 +140,31 @@ def test_job_is_finishing_until_its_last_picture_is_denoised(farm: Farm, watched
     assert watched.errors == []
 
 
+@pytest.mark.long
+def test_job_that_ended_earlier_stays_finished_while_it_is_denoised(farm: Farm, watched: Watched) -> None:
+    if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
+        pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
+    scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
+    request = {"scene": scene, **SIZE, "spp": 8, "denoise": True}
+    url = f"{farm.url}/api/jobs/{httpx.post(f'{farm.url}/api/jobs', json=request).raise_for_status().json()['id']}"
+    wait_until(lambda: httpx.get(url).json()["state"] == "finished", 60, "it has finished")
+    page = watched.page
+    page.add_init_script("""
+        const now = Date.now;
+        Date.now = () => now() + 3_600_000; // an hour later
+        window.states = [];
+        const look = () => {
+            const chip = document.querySelector(".job-head .chip");
+            if (chip && window.states.at(-1) !== chip.textContent) window.states.push(chip.textContent);
+            requestAnimationFrame(look);
+        };
+        requestAnimationFrame(look);""")
+    page.goto(url.replace("/api", "/#"))
+    expect(page.locator(".channel-tag.right")).to_have_text("Denoised", timeout=60_000)
+    assert page.evaluate("window.states") == ["Finished"]
+    assert watched.errors == []
+
+
 # Creates a job as the scene's page does, which hands it a picture of another light, and opens the job's page.
 BEGIN = """async (request) => {
     const main = performance.getEntriesByType("resource").map(({ name }) => name).find((name) => name.endsWith("/js/main.js"));
