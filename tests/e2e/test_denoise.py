@@ -131,7 +131,9 @@ def test_job_is_finishing_until_its_last_picture_is_denoised(farm: Farm, watched
     with page.expect_download() as download:
         page.get_by_role("button", name="Save without denoising").click()
     assert download.value.suggested_filename == "Cornell-box-8spp.png"
+    expect(page.locator("a[aria-busy]")).to_have_count(0)  # the denoised one is not awaited any more
     expect(state).to_have_text("Finishing")
+    page.on("download", lambda later: pytest.fail(f"saved twice: {later.suggested_filename}"))
     while held:
         held.pop().continue_()
     page.unroute(last, hold)
