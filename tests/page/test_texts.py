@@ -104,6 +104,7 @@ EXPECTED = """
         ),
         ({"series": [[None, {"sample_s": 1e-6}]], "workers": []}, [""]),
         ({"series": [[1e-5, None]]}, ["2 min to 5 min"]),
+        ({"series": [[1e-12, None]]}, ["1 s"]),
     ],
 )
 def test_expected_time_is_that_of_the_last_picture(program: str, given: dict[str, Any], times: list[str]) -> None:

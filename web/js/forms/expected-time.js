@@ -92,5 +92,6 @@ export const expectedText = (seconds) => durationText(rung(seconds));
 /** Returns the range of an expected time that is not sure, in words: "10 to 20 s". @param {number} seconds */
 export function rangeText(seconds) {
   const [low, high] = [rung(seconds / UNSURE), rung(seconds * UNSURE)];
+  if (low === high) return durationText(low); // a second or less, or ten days or more
   return high < 60 ? t("{low} to {high} s", { low, high }) : t("{low} to {high}", { low: durationText(low), high: durationText(high) });
 }
