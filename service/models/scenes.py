@@ -22,10 +22,11 @@ class MeasuredOut(BaseModel):
         description="relative standard error of a pixel at one sample; it falls with the square root of the samples"
     )
     pace: float | None = Field(
-        None, description="duration of the job, relative to that of its batches on all slots; null: it was too short to tell"
+        None,
+        description="duration of the job, relative to that of its batches on all slots; null: too short, or it shared the slots",
     )
     denoise_s: float | None = Field(
-        None, description="seconds for a pixel of its denoised picture, from the request until it is stored; null: never denoised"
+        None, description="seconds for a pixel of its denoised picture, from the request until it is stored; null: not measured"
     )
 
 

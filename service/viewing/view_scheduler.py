@@ -43,6 +43,7 @@ from service.scheduling.artifacts.unfit_machines import MachineFault, UnfitMachi
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.faults.redis_errors import redis_fault
 from service.scheduling.snapshot import SnapshotHolder
+from service.viewing.first_pictures import FirstPictures
 from service.viewing.frame_cache import FrameCache
 from service.viewing.memory_limit import MEMORY_LIMIT_REACHED, fits_in_memory
 from service.viewing.passes import Piece, draft_size
@@ -92,6 +93,7 @@ class ViewScheduler:
         self._unfit = UnfitMachines()  # by session
         self._orders: deque[Callable[[], None]] = deque()
         self._frames = PendingFrames()
+        self._first_pictures = FirstPictures()
         self._shared: set[str] = set()  # kinds of workers that have other work queued
         self._shared_cards: set[str] = set()  # workers whose graphics cards have batches queued
         self._lingers_until = 0.0
@@ -276,7 +278,7 @@ class ViewScheduler:
             if draft_cost_s is not None:
                 draft = draft_size(settings.width, settings.height, request.samples, draft_cost_s)
         session.begin_rendering(settings, compiled, kind, cost_s, slots, denoises, card_rate, draft)
-        if session.awaits_first_picture:
+        if session.awaits_first_picture and self._first_pictures.can_precede(kind):
             self._take_back_others(session)
         self._set_message(session, None, slots)
 
@@ -294,9 +296,10 @@ class ViewScheduler:
     def _send_pieces(self) -> None:
         """Sends messages with pieces of all views, until each slot has one in progress and one queued; to cards first.
 
-        Workers of whose kind a session awaits its first picture get no others, nor pictures to denoise.
+        Workers of the kinds that `FirstPictures` names get pieces of sessions that await their first picture only, and no
+        pictures to denoise.
         """
-        kinds = {each.kind for each in self._sessions.values() if each.awaits_first_picture}
+        kinds = self._first_pictures.preceding_kinds(self._sessions.values())
         for session in list(self._sessions.values()):
             is_asked = any(out.pick is not None and out.session is session for out in self._out.values())
             if session.pick is not None and session.passes is not None and not is_asked:

@@ -131,12 +131,39 @@ def test_job_is_finishing_until_its_last_picture_is_denoised(farm: Farm, watched
     with page.expect_download() as download:
         page.get_by_role("button", name="Save without denoising").click()
     assert download.value.suggested_filename == "Cornell-box-8spp.png"
+    expect(page.locator("a[aria-busy]")).to_have_count(0)  # the denoised one is not awaited any more
     expect(state).to_have_text("Finishing")
+    page.on("download", lambda later: pytest.fail(f"saved twice: {later.suggested_filename}"))
     while held:
         held.pop().continue_()
     page.unroute(last, hold)
     expect(state).to_have_text("Finished", timeout=60_000)
     expect(page.locator(".channel-tag.right")).to_have_text("Denoised")
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_job_that_ended_earlier_stays_finished_while_it_is_denoised(farm: Farm, watched: Watched) -> None:
+    if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
+        pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
+    scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
+    request = {"scene": scene, **SIZE, "spp": 8, "denoise": True}
+    url = f"{farm.url}/api/jobs/{httpx.post(f'{farm.url}/api/jobs', json=request).raise_for_status().json()['id']}"
+    wait_until(lambda: httpx.get(url).json()["state"] == "finished", 60, "it has finished")
+    page = watched.page
+    page.add_init_script("""
+        const now = Date.now;
+        Date.now = () => now() + 3_600_000; // an hour later
+        window.states = [];
+        const look = () => {
+            const chip = document.querySelector(".job-head .chip");
+            if (chip && window.states.at(-1) !== chip.textContent) window.states.push(chip.textContent);
+            requestAnimationFrame(look);
+        };
+        requestAnimationFrame(look);""")
+    page.goto(url.replace("/api", "/#"))
+    expect(page.locator(".channel-tag.right")).to_have_text("Denoised", timeout=60_000)
+    assert page.evaluate("window.states") == ["Finished"]
     assert watched.errors == []
 
 

@@ -138,6 +138,12 @@ def test_progress_of_the_last_picture_grows_until_it_is_there(node: Node) -> Non
     assert [part for _, part in shown] == [0, 0, 0.45, 0.9, 0.95, 1.0, 0, 0]
 
 
+def test_job_that_ended_earlier_is_not_finishing(node: Node) -> None:
+    cases = [["finished", 1000, 1030], ["finished", 1000, 1100], ["running", None, 1100], ["paused", 1000, 1100]]
+    body = "return a.map(([state, finished, now]) => m.endedBefore({ state, finished }, now));"
+    assert node.call("job/finishing", body, cases) == [False, True, False, False]
+
+
 FAILS = """
     const real = globalThis.fetch;
     globalThis.fetch = async () => new Response("{}", { status: 500 });

@@ -94,6 +94,10 @@ EXPECTED = """
         ({"series": [[None, {"sample_s": 1e-6, "pace": 1, "denoise_s": 3e-5}]], "denoised": True}, ["30 s"]),
         ({"series": [[None, {"sample_s": 1e-6, "pace": 1, "denoise_s": 3e-5}]]}, ["15 s"]),
         ({"series": [[None, {"sample_s": 1e-7, "pace": 1}]], "denoised": True}, ["5 s"]),
+        (  # one machine denoises it
+            {"series": [[None, {"sample_s": 1e-7, "pace": 1}]], "denoised": True, "workers": [{"slots": 2}] * 8},
+            ["5 s"],
+        ),
         (
             {
                 "series": [[None, {"sample_s": 1e-7, "pace": 1}]],
@@ -104,6 +108,7 @@ EXPECTED = """
         ),
         ({"series": [[None, {"sample_s": 1e-6}]], "workers": []}, [""]),
         ({"series": [[1e-5, None]]}, ["2 min to 5 min"]),
+        ({"series": [[1e-12, None]]}, ["1 s"]),
     ],
 )
 def test_expected_time_is_that_of_the_last_picture(program: str, given: dict[str, Any], times: list[str]) -> None:

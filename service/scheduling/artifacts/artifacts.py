@@ -47,6 +47,8 @@ class ArtifactTasks:
         self.environments = Environments(dispatcher, workers, blobs, events)
         self.previews = DenoisedPreviews(dispatcher, workers, blobs, events)
         self.path_guides = PathGuides(dispatcher, workers, blobs, events)
+        self.previews.yield_to((self.denoising, self.denoised_lights))
+        self.denoised_lights.yield_to((self.denoising, self.previews))
         self._denoisers = (self.denoising, self.previews, self.denoised_lights)
         self._aside = (*self._denoisers, self.vectors, self.environments, self.path_guides)
 

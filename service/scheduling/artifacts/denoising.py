@@ -29,6 +29,11 @@ class Denoising(ArtifactTask[DenoiseFrame]):
     _doing = "denoise"
 
     _kept: KeptArtifacts | None = None
+    _precedents: Collection[Denoising] = ()
+
+    def yield_to(self, others: Collection[Denoising]) -> None:
+        """Makes these requests wait while those of `others` occupy the slots for denoising. Called once, before any request."""
+        self._precedents = others
 
     def keep_in(self, kept: KeptArtifacts) -> None:
         """Loads the results of an earlier run, and stores those of this one. Called once, before any request."""
@@ -77,15 +82,20 @@ class Denoising(ArtifactTask[DenoiseFrame]):
     def _queue(self, kind: str) -> str:
         return denoise_queue(kind)
 
-    def _room(self) -> int:
+    def _room(self) -> int | None:
         """Returns how many requests may be sent now. One slot remains for live views and batches, if there are several.
 
-        The others wait here, where they can be superseded.
+        The others wait here, where they can be superseded; without workers they fail at once.
         """
         slots = sum(report.slots for report in self._able_workers())
-        with self._lock:
-            sent = sum(wanted.lease is not None for wanted in self._wanted.values())
+        if not slots:
+            return None
+        sent = self._count_sent() + sum(each._count_sent() for each in self._precedents)
         return max(max(slots - 1, 1) - sent, 0)
+
+    def _count_sent(self) -> int:
+        with self._lock:
+            return sum(wanted.lease is not None for wanted in self._wanted.values())
 
     def _send(self, request: DenoiseFrame, queue: str) -> None:
         self._dispatcher.send_denoise(request, queue)

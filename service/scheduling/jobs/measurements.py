@@ -13,8 +13,9 @@ __all__ = ["Measured", "measured", "updated", "with_denoising"]
 
 LEAST_S = 0.05  # slot-seconds, at least, for a usable measurement
 LEAST_ACTIVE_S = 3.0  # of a job whose duration is compared with that of its batches; a shorter one mostly starts
-BEGIN_S = 0.5  # seconds until the first batch, whatever the job's size
+BEGIN_S = 0.5  # seconds until the first batch, or until a worker denoises a picture, whatever its size
 MOST_PACE = 3.0  # beyond that, slots rendered something else
+LEAST_DENOISED = 100_000  # pixels of a picture whose denoising is measured; that of a smaller one mostly starts
 SLOWER_WEIGHT = 1 / 3  # of a slower measurement, in the logarithm
 TILES = 32  # evenly spaced tiles of a frame used for its noise
 
@@ -27,41 +28,43 @@ def measured(job: ActiveJob, slots: int) -> Measured | None:
 
     `sample_s`: slot-seconds for one sample of a pixel. `noise`: relative standard error at one sample per pixel, which falls with
     the square root of the samples; None if there were too few samples. `pace`: the job's duration, relative to that of its
-    batches on all slots: slots also make previews, and wait for batches; None if the job was too short.
+    batches on all slots: slots also make previews, and wait for batches; None if the job was too short, or if its slots mostly
+    rendered something else.
     """
     if job.rendered_s < LEAST_S:
         return None
     pace = None
     if job.active_s >= LEAST_ACTIVE_S and job.rendered == job.samples and slots > 0:
-        pace = min(max((job.active_s - BEGIN_S) * slots / job.rendered_s, 1.0), MOST_PACE)
+        ratio = (job.active_s - BEGIN_S) * slots / job.rendered_s
+        pace = max(ratio, 1.0) if ratio <= MOST_PACE else None
     return {"sample_s": job.rendered_s / job.rendered, "noise": _noise(job), "pace": pace}
 
 
 def with_denoising(before: Measured | None, seconds: float, pixels: int) -> Measured | None:
     """Returns the measurements of a scene after one of its frames was denoised. None if its rendering was never measured.
 
-    `denoise_s`: seconds for a pixel, from the request until the picture is stored.
+    seconds: from the request until the picture was stored. `denoise_s`: the same for a pixel, without BEGIN_S. It is unchanged by
+    a picture of fewer than LEAST_DENOISED pixels.
     """
-    if not before:
+    if not before or pixels < LEAST_DENOISED or seconds <= BEGIN_S:
         return before
-    return {**before, "denoise_s": _smoothed(before.get("denoise_s"), seconds / pixels)}
+    return {**before, "denoise_s": _smoothed(before.get("denoise_s"), (seconds - BEGIN_S) / pixels)}
 
 
 def updated(before: Measured | None, latest: Measured) -> Measured:
     """Returns the measurements of a scene after another picture. before: the scene's until then; None if it had none.
 
-    A faster `sample_s` is adopted, since other work on a machine only slows it down. A slower one counts by a third, in the
-    logarithm: it may come from such work, or from settings that cost more.
+    A faster `sample_s` or `pace` is adopted, since other work on a machine only slows it down. A slower one counts by a third, in
+    the logarithm: it may come from such work, or from settings that cost more.
     """
     old = before or {}
-    found = {**old, **latest, "sample_s": _smoothed(old.get("sample_s"), latest["sample_s"])}
-    if (pace := latest.get("pace") or old.get("pace")) is not None:
-        found["pace"] = pace
-    return found
+    return {**old, **latest, **{name: _smoothed(old.get(name), latest.get(name)) for name in ("sample_s", "pace")}}
 
 
 def _smoothed(old: float | None, new: float | None) -> float | None:
-    return new if not old or not new or new <= old else old * (new / old) ** SLOWER_WEIGHT
+    if not old or not new:
+        return new or old
+    return new if new <= old else old * (new / old) ** SLOWER_WEIGHT
 
 
 def _noise(job: ActiveJob) -> float | None:

@@ -45,18 +45,17 @@ export class HeldMeasurement {
   }
 }
 
-/** Returns the seconds for denoising a pixel: of the scene's pictures, else of other scenes', the median. @param {Scene} scene @param {Scene[]} others @param {number} slots */
-function denoisingOf(scene, others, slots) {
-  const own = scene.measured?.denoise_s;
+/** Returns the seconds for denoising a pixel: of the scene's pictures, else of other scenes', the median. @param {Scene | undefined} scene @param {Scene[]} others @param {Worker[]} workers */
+function denoisingOf(scene, others, workers) {
+  const own = scene?.measured?.denoise_s;
   if (own) return own;
   const known = others.flatMap(({ measured }) => measured?.denoise_s ?? []).sort((a, b) => a - b);
-  return known[known.length >> 1] ?? DENOISE_CORE_S / slots;
+  return known[known.length >> 1] ?? DENOISE_CORE_S / Math.max(...workers.map(({ slots }) => slots), 1); // with all cores of one machine
 }
 
 /** Returns the expected seconds from a job's last sample until its denoised picture. @param {Scene | undefined} scene @param {Scene[]} others @param {Worker[]} workers @param {number} pixels */
 export function denoisingTime(scene, others, workers, pixels) {
-  const slots = Math.max(slotsOf(workers), 1);
-  return DENOISE_BEGIN_S + pixels * (scene ? denoisingOf(scene, others, slots) : DENOISE_CORE_S / slots);
+  return DENOISE_BEGIN_S + pixels * denoisingOf(scene, others, workers);
 }
 
 /** @param {Worker[]} workers */
@@ -92,5 +91,6 @@ export const expectedText = (seconds) => durationText(rung(seconds));
 /** Returns the range of an expected time that is not sure, in words: "10 to 20 s". @param {number} seconds */
 export function rangeText(seconds) {
   const [low, high] = [rung(seconds / UNSURE), rung(seconds * UNSURE)];
+  if (low === high) return durationText(low); // a second or less, or ten days or more
   return high < 60 ? t("{low} to {high} s", { low, high }) : t("{low} to {high}", { low: durationText(low), high: durationText(high) });
 }

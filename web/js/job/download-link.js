@@ -31,10 +31,10 @@ export function downloadLink(text, hint, address, { label, isLarge = false, isPl
     if (isSaving) return;
     isSaving = true;
     anchor.setAttribute("aria-busy", "true");
-    let isWanted = true;
+    const waiting = new AbortController();
     const other = alternative();
     const instead = (/** @type {string} */ address) => {
-      isWanted = false;
+      waiting.abort();
       saveFile(address).then((file) => showBriefly(t("Saved: {file}", { file })), (error) => showError(t("{file}: not saved", { file: text }), error));
     };
     let withdraw = () => {};
@@ -46,11 +46,11 @@ export function downloadLink(text, hint, address, { label, isLarge = false, isPl
         anchor.click();
         isAnswered = false;
       } else {
-        const file = await saveFile(anchor.href, () => isWanted);
-        if (file) showBriefly(t("Saved: {file}", { file }));
+        const file = await saveFile(anchor.href, waiting.signal);
+        showBriefly(t("Saved: {file}", { file }));
       }
     } catch (error) {
-      if (isWanted) showError(t("{file}: not saved", { file: text }), error);
+      if (!waiting.signal.aborted) showError(t("{file}: not saved", { file: text }), error);
     } finally {
       clearTimeout(offer ?? undefined);
       withdraw();

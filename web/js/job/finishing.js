@@ -5,6 +5,12 @@ import { t } from "../base/words.js";
 /** Fraction of the progress that is reached by the expected time; the rest is left for a picture that takes longer. */
 const AT_EXPECTED = 0.9;
 
+/** Seconds after its end until which a job whose page is opened may be finishing. */
+const RECENT_S = 60;
+
+/** Whether a job has ended so long ago that its page shows it as finished, also while its picture is denoised. @param {Pick<import("../base/types.js").Job, "state" | "finished">} job @param {number} [now] seconds since 1970 */
+export const endedBefore = ({ state, finished }, now = Date.now() / 1000) => state === "finished" && now - (finished ?? 0) > RECENT_S;
+
 /** The time since a job began to finish. */
 export class Finishing {
   constructor() {

@@ -20,7 +20,7 @@ export async function showImage(image, url) {
   const isWanted = () => wanted.get(image) === url;
   if ((await shows(image, url)) || !isWanted()) return;
   try {
-    const response = await fetchOrThrow(url, () => isWanted() && image.isConnected);
+    const response = await fetchOrThrow(url, { isWanted: () => isWanted() && image.isConnected });
     const local = URL.createObjectURL(await response.blob());
     try {
       if (isWanted() && !(await shows(image, local)) && isWanted()) throw new ApiError(response.status, t("The browser cannot show this picture."));
@@ -58,9 +58,9 @@ export async function askFor(url) {
   if (status >= 400) await fetchOrThrow(url); // a response to HEAD has no message
 }
 
-/** @param {string} url @param {() => boolean} [isWanted] @returns {Promise<Response>} rejects with an ApiError */
-async function fetchOrThrow(url, isWanted) {
-  const response = await fetchWithRetries(url, { isWanted }).catch(() => Promise.reject(errorOf(0, "")));
+/** @param {string} url @param {{isWanted?: () => boolean, signal?: AbortSignal}} [options] @returns {Promise<Response>} rejects with an ApiError */
+async function fetchOrThrow(url, options) {
+  const response = await fetchWithRetries(url, options).catch(() => Promise.reject(errorOf(0, "")));
   if (!response.ok) throw errorOf(response.status, await response.text());
   return response;
 }
@@ -70,12 +70,11 @@ async function fetchOrThrow(url, isWanted) {
  * browser's list of downloads.
  *
  * @param {string} url
- * @param {() => boolean} [isWanted] false: it is dropped when it arrives
- * @returns {Promise<string>} the file's name; "" if it was dropped
+ * @param {AbortSignal} [signal] after which it is not saved
+ * @returns {Promise<string>} the file's name
  */
-export async function saveFile(url, isWanted = () => true) {
-  const response = await fetchOrThrow(url);
-  if (!isWanted()) return "";
+export async function saveFile(url, signal) {
+  const response = await fetchOrThrow(url, { signal });
   const local = URL.createObjectURL(await response.blob());
   const anchor = document.createElement("a");
   anchor.href = local;

@@ -19,7 +19,7 @@ import { blackNotice } from "../scene/black-notice.js";
 import { doubtNotice } from "../job/doubt-notice.js";
 import { queuePanel } from "../job/queue-panel.js";
 import { livePicture } from "../film/live-picture.js";
-import { Finishing } from "../job/finishing.js";
+import { Finishing, endedBefore } from "../job/finishing.js";
 import { denoisingTime } from "../forms/expected-time.js";
 import { focusTool } from "../job/focus-tool.js";
 import { jobTitle, notePanel } from "../job/name-and-note.js";
@@ -157,10 +157,12 @@ function open(page, job, life) {
   const expectedDenoising = () => denoisingTime(scenes.value?.find(({ id }) => id === latest.scene), scenes.value ?? [], workers.value ?? [], (job.width ?? 1) * (job.height ?? 1));
   /** @type {string} */
   let shownState = job.state;
-  /** Shows the job's state: it is finished once its last picture is there. */
+  let isEarlier = endedBefore(job);
+  /** Shows the job's state: it is finished once its last picture is there, or if it had ended long before the page was opened. */
   const showState = () => {
+    isEarlier &&= latest.state === "finished"; // more samples may be added to it
     finishing.update(latest.denoise === true && latest.state === "finished" && picture.awaitsLast(), expectedDenoising);
-    const isFinishing = finishing.left() !== null;
+    const isFinishing = !isEarlier && finishing.left() !== null;
     const state = isFinishing ? "finishing" : latest.state;
     if (state !== shownState) announce(`${latest.name}: ${stateWord(state)}`);
     shownState = state;
