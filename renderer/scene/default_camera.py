@@ -44,7 +44,8 @@ def frame(points: npt.NDArray[np.floating], up: Vec3 = (0.0, 1.0, 0.0)) -> View:
         high, low = (across + slope * depth).max(), (slope * depth - across).max()
         at.append((high - low) / 2)
         eye_depth = max(eye_depth, (high + low) / (2 * slope))
-    size = max(float(np.ptp(points, axis=0).max()), 1e-6)
+    extent, farthest = np.ptp(points, axis=0).max(), np.abs(points).max()
+    size = max(float(extent), 1e-6, 1e-9 * float(farthest))  # of a single point, more than its rounding
     eye_depth = max(eye_depth, depth.max() + 0.05 * size)
     # On the axis with more room, the picture of the points is centred from that eye.
     at = [_centred(points @ axis, 1.0 / (eye_depth - depth), near) for axis, near in zip((right, above), at, strict=True)]

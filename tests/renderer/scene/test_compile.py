@@ -339,6 +339,14 @@ def test_file_camera_may_be_named_auto():
     assert names == ["auto (of the file)", AUTO_CAMERA]
 
 
+@pytest.mark.parametrize("distance", [0.0, 1.0, 1e9, 1e12])
+def test_auto_camera_looks_at_a_single_point(distance):
+    point = np.full((1, 3), distance)
+    view = frame(point)
+    assert np.linalg.norm(np.subtract(view.eye, point[0])) > 0
+    assert np.allclose(view.target, point[0], rtol=1e-6)
+
+
 @pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1)])
 @pytest.mark.parametrize("size", [(5, 1, 2), (1, 1, 4), (1, 6, 1), (6, 0.1, 6)])
 def test_auto_camera_centres_all_points_and_fills_most_of_the_picture(up, size):
