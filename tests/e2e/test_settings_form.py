@@ -137,7 +137,7 @@ def test_comparison_lists_differences_of_settings(page: Page) -> None:
     Among them are a setting that is off, a choice, samples against a noise level, and the camera.
     """
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
-    a = {"name": "Snow", "width": 8, "height": 8, "spp": 64, "noise": None}
+    a = {"name": "Snow", "state": "finished", "width": 8, "height": 8, "spp": 64, "noise": None}
     common = {"clamp_indirect": 0.0, "view": view, "environment": None}
     left = {**a, "settings": {**common, "integrator": "path", "sparkle": 0.0, "seed": 0}}
     right = {**a, "noise": 0.025, "settings": {**left["settings"], "integrator": "ao", "sparkle": 1.23456, "seed": 7}}
