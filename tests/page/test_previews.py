@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.page.node import Node
 
 DUE = """
@@ -136,6 +138,17 @@ def test_progress_of_the_last_picture_grows_until_it_is_there(node: Node) -> Non
     shown = node.call("job/finishing", STEPS, steps)
     assert [left for left, _ in shown] == [None, 4, 2, 1, 1, 1, None, 4]
     assert [part for _, part in shown] == [0, 0, 0.45, 0.9, 0.95, 1.0, 0, 0]
+
+
+def test_progress_of_a_job_includes_its_last_picture_and_does_not_go_back(node: Node) -> None:
+    # (progress of the samples, seconds rendered, progress of the last picture); the first sample took 3 s to come
+    reports = [[0, 2, 0], [0.02, 3, 0], [0.1, 4, 0], [0.6, 9, 0], [0.99, 14, 0], [1, 14, 0], [1, 14, 0.5], [1, 14, 1]]
+    shown = node.call(
+        "job/finishing", "return a.map(([rendered, active, last]) => m.wholeProgress(rendered, active, 6, last));", reports
+    )
+    assert shown == sorted(shown)
+    assert shown[5:] == pytest.approx([0.7, 0.85, 1])
+    assert node.call("job/finishing", "return m.wholeProgress(0.25, 10, 0, 0);") == 0.25, "nothing is denoised"
 
 
 def test_job_that_ended_earlier_is_not_finishing(node: Node) -> None:

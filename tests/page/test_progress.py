@@ -81,7 +81,7 @@ def test_remaining_time_rises_seldom_and_little(node: Node) -> None:
 
 
 def test_remaining_time_is_shown_once_it_is_known(node: Node) -> None:
-    body = "m.noteForecast({ ...a, ...{} }, 100); return m.timeLeft(a.id, 100);"
+    body = "m.noteForecast(a, a.denoising, 100); return m.timeLeft(a.id, 100);"
     assert node.call("news/time-left", body, {**JOB, "eta_s": 2690}) == "about 45 min"
     assert node.call("news/time-left", body, {**JOB, "id": "k", "eta_s": 104}) == "about 100 s"
     assert node.call("news/time-left", body, {**JOB, "progress": 0.04}) == ""
@@ -89,6 +89,7 @@ def test_remaining_time_is_shown_once_it_is_known(node: Node) -> None:
     assert node.call("news/time-left", body, {**JOB, "active_s": 2.5}) == "", "in the first seconds"
     assert node.call("news/time-left", body, {**JOB, "active_s": 4, "eta_s": 5}) == "", "it ends soon"
     assert node.call("news/time-left", body, {**JOB, "id": "s", "active_s": 4, "eta_s": 7}) == "about 5 s"
+    assert node.call("news/time-left", body, {**JOB, "id": "d", "active_s": 4, "eta_s": 5, "denoising": 6}) == "about 10 s"
     assert node.call("news/time-left", body, {**JOB, "progress": 0.06, "active_s": 25}) == "about 60 s"
     taken = {**JOB, "progress": 0.52, "spp": 64, "taken": {"spp": 32}}
     assert node.call("news/time-left", body, taken) == "", "it has done 4 % itself"

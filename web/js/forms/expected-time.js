@@ -5,6 +5,7 @@
 
 import { durationText } from "../base/format.js";
 import { t } from "../base/words.js";
+import { denoisingTime } from "../news/denoising-time.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").Worker} Worker */
@@ -13,10 +14,6 @@ import { t } from "../base/words.js";
 const BEGIN_S = 0.7;
 /** Duration of a job relative to that of its batches, where no job of the scene was long enough to tell. */
 const USUAL_PACE = 1.2;
-/** Seconds, whatever a picture's size, until a worker denoises it and the page has it. */
-const DENOISE_BEGIN_S = 0.5;
-/** Core seconds for denoising a pixel, where the farm has not denoised any picture yet. */
-const DENOISE_CORE_S = 1.2e-5;
 /** Factor between the middle of a range and its ends: a view's cost differs by as much from that of its picture. */
 const UNSURE = 1.4;
 /** Above this relative noise no estimate is shown, since a few bright pixels may dominate it. */
@@ -43,19 +40,6 @@ export class HeldMeasurement {
     else if (this.ofView) this.held ??= { cost: this.ofView, pace: USUAL_PACE, isSure: false };
     return this.held;
   }
-}
-
-/** Returns the seconds for denoising a pixel: of the scene's pictures, else of other scenes', the median. @param {Scene | undefined} scene @param {Scene[]} others @param {Worker[]} workers */
-function denoisingOf(scene, others, workers) {
-  const own = scene?.measured?.denoise_s;
-  if (own) return own;
-  const known = others.flatMap(({ measured }) => measured?.denoise_s ?? []).sort((a, b) => a - b);
-  return known[known.length >> 1] ?? DENOISE_CORE_S / Math.max(...workers.map(({ slots }) => slots), 1); // with all cores of one machine
-}
-
-/** Returns the expected seconds from a job's last sample until its denoised picture. @param {Scene | undefined} scene @param {Scene[]} others @param {Worker[]} workers @param {number} pixels */
-export function denoisingTime(scene, others, workers, pixels) {
-  return DENOISE_BEGIN_S + pixels * denoisingOf(scene, others, workers);
 }
 
 /** @param {Worker[]} workers */

@@ -44,5 +44,18 @@ export class Finishing {
   }
 }
 
+/**
+ * Returns the progress of a job until its last denoised picture, from 0 to 1. It rises with each of its arguments but `denoising`.
+ *
+ * @param {number} rendered progress of its samples
+ * @param {number} active seconds for which it has been rendered
+ * @param {number} denoising seconds that its last denoised picture takes
+ * @param {number} denoised progress of that picture
+ */
+export function wholeProgress(rendered, active, denoising, denoised) {
+  if (rendered < 1) return rendered ? (rendered * active) / (active + rendered * denoising) : 0; // active / rendered: its expected time
+  return (active + denoised * denoising) / Math.max(active + denoising, 0.1);
+}
+
 /** @param {number} seconds @returns {string} "about 5 s more" */
 export const secondsText = (seconds) => (seconds > 1 ? t("about {n} s more", { n: Math.ceil(seconds) }) : t("a moment more"));

@@ -10,7 +10,7 @@ import { go, here, linkTo } from "../shell/router.js";
 import { icon } from "../base/icons.js";
 import { endOf, settingOf, valueText } from "../news/settings-table.js";
 import { framesDone, isShot } from "../base/shot-words.js";
-import { timeLeft } from "../news/time-left.js";
+import { leftText, timeLeft } from "../news/time-left.js";
 import { showError, undoable } from "../shell/tray.js";
 import { saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
@@ -63,8 +63,8 @@ function beginAnewUndoably(job, button) {
   });
 }
 
-/** Progress in numbers, which continue between the service's messages. */
-export function progressPanel() {
+/** Progress in numbers, which continue between the service's messages. @param {() => number | null} finishing seconds until the last denoised picture of a job without further samples; null: none is awaited */
+export function progressPanel(finishing) {
   const samples = h("strong", { class: "big number" });
   const of = h("span", { class: "quiet number" });
   const elapsed = h("dd");
@@ -95,8 +95,9 @@ export function progressPanel() {
     // The time of a description is up to half a second old when it arrives: the clock does not go back for it.
     shownElapsed = latest.state === "running" ? Math.max(shownElapsed, latest.active_s + since) : latest.active_s;
     setText(elapsed, clock(shownElapsed));
-    setText(left, latest.state === "running" ? timeLeft(latest.id) || "…" : "–");
-    leftRow.hidden = latest.state === "finished";
+    const last = latest.state === "finished" ? finishing() : null;
+    setText(left, last !== null ? leftText(last) : latest.state === "running" ? timeLeft(latest.id) || "…" : "–");
+    leftRow.hidden = latest.state === "finished" && last === null;
   };
   return {
     element: h(

@@ -3,6 +3,8 @@
 import * as api from "./api.js";
 import { Backoff } from "../base/backoff.js";
 import { isShown } from "../base/project.js";
+import { isShot } from "../base/shot-words.js";
+import { denoisingTime } from "./denoising-time.js";
 import { isOlder } from "./job-order.js";
 import { inWords, table } from "./settings-table.js";
 import { Store } from "../base/store.js";
@@ -82,10 +84,17 @@ function adopt(store, item) {
 /** @param {Scene} scene */
 export const putScene = (scene) => put(scenes, scene);
 
+/** Returns the expected seconds from a job's last sample until its last, denoised picture; 0 for a shot, whose frames are denoised as they end. @param {Job} job */
+export function denoisingAfter(job) {
+  if (!job.denoise || isShot(job)) return 0;
+  const all = scenes.value ?? [];
+  return denoisingTime(all.find(({ id }) => id === job.scene), all, workers.value ?? [], (job.width ?? 1) * (job.height ?? 1));
+}
+
 /** Stores a description of a job, unless it is older than the known one. @param {Job} job */
 export function putJob(job) {
   if (isOlder(job, jobs.value?.find(({ id }) => id === job.id))) return;
-  noteForecast(job);
+  noteForecast(job, denoisingAfter(job));
   put(jobs, job);
 }
 

@@ -1,5 +1,5 @@
 /**
- * The remaining time of a job: the service's forecast, smoothed and rounded. It is not shown in the first seconds, nor before a part
+ * The remaining time of a job until its last picture: the service's forecast, smoothed and rounded. It is not shown in the first seconds, nor before a part
  * of the work is done: until then the forecast rests on the short batches of the first samples. A short job has none.
  */
 
@@ -91,22 +91,24 @@ function isKnown({ progress, active_s: active, taken, spp }) {
   return (progress - begun) / (1 - begun) >= (active >= LONG_S ? MIN_PROGRESS_OF_LONG : MIN_PROGRESS);
 }
 
-/** Takes the forecast of a job's new description. @param {Job} job @param {number} [now] seconds */
-export function noteForecast(job, now = performance.now() / 1000) {
+/** Takes the forecast of a job's new description. @param {Job} job @param {number} [after] seconds from its last sample until its last picture @param {number} [now] seconds */
+export function noteForecast(job, after = 0, now = performance.now() / 1000) {
   // While it does not progress, the forecast is that of the speed before.
   if (job.state !== "running" || job.eta_s == null || job.message || !isKnown(job)) {
     ends.delete(job.id);
     return;
   }
-  if (!ends.has(job.id) && job.active_s + job.eta_s < SHORT_S) return;
+  if (!ends.has(job.id) && job.active_s + job.eta_s + after < SHORT_S) return;
   const end = ends.get(job.id) ?? new SmoothedEnd();
   ends.set(job.id, end);
-  end.add(job.eta_s, now);
+  end.add(job.eta_s + after, now);
 }
+
+/** Returns a remaining time in words: "about 5 s", "about 45 min". @param {number} seconds */
+export const leftText = (seconds) => (seconds < SECONDS ? t("about {n} s", { n: Math.ceil(seconds) }) : roughly(seconds));
 
 /** @param {string} id of a job @param {number} [now] seconds @returns {string} "about 45 min"; empty without a forecast */
 export function timeLeft(id, now = performance.now() / 1000) {
   const left = ends.get(id)?.steady(now);
-  if (left == null) return "";
-  return left < SECONDS ? t("about {n} s", { n: left }) : roughly(left);
+  return left == null ? "" : leftText(left);
 }

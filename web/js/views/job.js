@@ -4,7 +4,7 @@ import { getJob } from "../news/api.js";
 import { canDenoise } from "../job/denoise-fields.js";
 import { clampExposure, displayFromUrl, displayPanel } from "../job/display-panel.js";
 import { fill, h, setText } from "../base/dom.js";
-import { adoptJob, jobs, scenes, workers } from "../news/farm.js";
+import { adoptJob, denoisingAfter, jobs, scenes, workers } from "../news/farm.js";
 import { lightWords, ownLight } from "../base/light-words.js";
 import { emptyPage } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
@@ -19,8 +19,7 @@ import { blackNotice } from "../scene/black-notice.js";
 import { doubtNotice } from "../job/doubt-notice.js";
 import { queuePanel } from "../job/queue-panel.js";
 import { livePicture } from "../film/live-picture.js";
-import { Finishing, endedBefore } from "../job/finishing.js";
-import { denoisingTime } from "../forms/expected-time.js";
+import { Finishing, endedBefore, wholeProgress } from "../job/finishing.js";
 import { focusTool } from "../job/focus-tool.js";
 import { jobTitle, notePanel } from "../job/name-and-note.js";
 import { notesPanel } from "../job/notes-panel.js";
@@ -129,7 +128,7 @@ function open(page, job, life) {
   const unsaved = h("p", { class: "side-section quiet small" }, t("Pictures can be saved after the first samples, at any time."));
   const actions = actionsPanel();
   const keep = keepButton();
-  const progress = progressPanel();
+  const progress = progressPanel(() => finishing.left());
   const queue = queuePanel();
   const doubt = doubtNotice();
   const title = jobTitle();
@@ -154,20 +153,24 @@ function open(page, job, life) {
   const chip = stateChip(job.state);
   const judged = verdictChip();
   const line = progressBar(t("Progress"));
-  const expectedDenoising = () => denoisingTime(scenes.value?.find(({ id }) => id === latest.scene), scenes.value ?? [], workers.value ?? [], (job.width ?? 1) * (job.height ?? 1));
+  /** Seconds that its last denoised picture takes, as expected when its first samples came: the progress does not go back. @type {number | null} */
+  let denoising = null;
   /** @type {string} */
   let shownState = job.state;
   let isEarlier = endedBefore(job);
   /** Shows the job's state: it is finished once its last picture is there, or if it had ended long before the page was opened. */
   const showState = () => {
     isEarlier &&= latest.state === "finished"; // more samples may be added to it
-    finishing.update(latest.denoise === true && latest.state === "finished" && picture.awaitsLast(), expectedDenoising);
+    finishing.update(latest.denoise === true && latest.state === "finished" && picture.awaitsLast(), () => denoisingAfter(latest));
     const isFinishing = !isEarlier && finishing.left() !== null;
     const state = isFinishing ? "finishing" : latest.state;
     if (state !== shownState) announce(`${latest.name}: ${stateWord(state)}`);
     shownState = state;
     chip.update(state);
-    line.update(isFinishing ? finishing.progress() : latest.progress, state);
+    if (latest.progress > 0) denoising ??= denoisingAfter(latest);
+    const isOver = latest.state === "finished" && !isFinishing;
+    line.update(isOver ? 1 : wholeProgress(latest.progress, latest.active_s, denoising ?? 0, finishing.progress()), state);
+    progress.tick();
   };
   life.every(1000, progress.tick);
   life.every(250, () => finishing.left() !== null && showState());
