@@ -222,3 +222,20 @@ def test_missing_files_are_added_and_main_file_is_selected(farm: Farm, watched: 
     expect(page.get_by_role("button", name="Render", exact=True)).to_be_visible(timeout=60_000)
     expect(page.get_by_role("button", name="Add files")).to_have_count(0)
     assert watched.errors == []
+
+
+@pytest.mark.long
+def test_mistaken_address_leads_to_the_page_that_it_means(farm: Farm, watched: Watched) -> None:
+    """The front page is shown for the address of a list of scenes, and the back button leads past that address."""
+    page = watched.page
+    page.goto(f"{farm.url}/#/jobs")
+    jobs = page.get_by_role("heading", name="Jobs", exact=True)
+    expect(jobs).to_be_visible()
+    page.evaluate("location.hash = '#/scenes'")
+    expect(page.get_by_role("heading", name="Drop a scene anywhere")).to_be_visible()
+    assert page.evaluate("location.hash") == "#/"
+    page.go_back()
+    expect(jobs).to_be_visible()
+    page.goto(f"{farm.url}/#/nowhere")
+    expect(page.get_by_text("There is nothing at this address")).to_be_visible()
+    assert watched.errors == []

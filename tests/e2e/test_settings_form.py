@@ -41,6 +41,7 @@ def open_form(
     body = """
         window.asked = null;
         const form = m.settingsForm(a.scene, async (request) => { window.asked = request; }, null, a.asShot);
+        window.form = form;
         document.body.replaceChildren(form.element);
         for (const fold of document.querySelectorAll("details")) fold.open = true;"""
     call(page, "scene/settings-form", TOLD + body, {"scene": scene, "table": described(known), "asShot": as_shot})
@@ -110,6 +111,9 @@ def test_quality_presets_show_expected_time_and_noise(page: Page) -> None:
     call(page, "news/farm", "m.jobs.set([{ id: 'j', state: 'running' }]);")
     open_form(page, scene=scene)
     expect(page.get_by_text("About 30 s, longer while another picture is rendered")).to_be_visible()
+    open_form(page, scene={**scene, "measured": None})
+    page.evaluate("window.form.measure(1e-6)")
+    expect(page.get_by_text("Takes 30 s to 1 min, longer while another picture is rendered")).to_be_visible()
 
 
 @pytest.mark.long

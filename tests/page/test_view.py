@@ -56,6 +56,30 @@ def test_box_outside_the_pyramid_of_view_is_not_in_view(node: Node) -> None:
     assert sees([-1, -1, 0], shift_x=3) is False
 
 
+@pytest.mark.parametrize(
+    ("path", "meant"),
+    [
+        ("scenes", ""),
+        ("Scene", ""),
+        ("scene/ab12", "scenes/ab12"),
+        ("job", "jobs"),
+        ("Jobs/ab12", "jobs/ab12"),
+        ("compare", "jobs"),
+        ("machines/vm", "workers/vm"),
+        ("constructor", None),
+        ("nowhere/ab12", None),
+    ],
+)
+def test_address_without_a_view_means_the_page_by_another_name(node: Node, path: str, meant: str | None) -> None:
+    views = ("", "jobs", "jobs/ID", "compare/ID", "scenes/ID", "workers", "workers/ID")
+    told = node.call(
+        "shell/meant-path",
+        "return m.meantPath(a.path, ([section = '', id]) => a.views.includes(id ? `${section}/ID` : section));",
+        {"path": path.split("/"), "views": views},
+    )
+    assert told == (None if meant is None else meant.split("/") if meant else [])
+
+
 def test_share_of_the_picture_is_the_area_of_the_outline(node: Node) -> None:
     def share(low: list[float], high: list[float], **changes: object) -> float:
         view = {"eye": [0, 0, 10], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 90, **changes}

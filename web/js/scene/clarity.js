@@ -31,6 +31,9 @@ export function clarity(samples, noise, isDone, isDenoised) {
 /** Returns the words for a stand-in of the view's picture. @param {boolean} isDone @param {boolean} isOtherLight whether the stand-in has another light */
 export const previewWords = (isDone, isOtherLight) => (isOtherLight ? t("New light: rendering …") : isDone ? t("Preview") : t("Preview, rendering …"));
 
+/** The words for a view of a scene of which nothing can be seen from any side. */
+export const nothingWords = t("Nothing visible");
+
 /** The words for a small picture of the first samples. */
 export const roughWords = t("Rough picture, rendering …");
 

@@ -11,7 +11,7 @@ import { Film } from "../film/film.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { addPart } from "../shell/layouts.js";
-import { PREPARING, clarity, clarityField, previewWords, progressWords, roughWords } from "./clarity.js";
+import { PREPARING, clarity, clarityField, nothingWords, previewWords, progressWords, roughWords } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
 import { Cover } from "./cover.js";
 import { darknessNotice } from "./darkness-notice.js";
@@ -166,6 +166,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const [low, high] = /** @type {Vec3[]} */ (scene.bounds ?? []);
     return !low || !high || frame || up || variant != null ? null : [low, high];
   };
+  const invisible = () => invisibleWords(scene, bounds() !== null);
   const framing = frameHand(scene, { view: form.view, aspect, bounds, turn: (view) => turn(view) });
   const dark = darknessNotice({
     film: () => film.film,
@@ -177,7 +178,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const box = bounds();
       return !box || cover.requested.isChanged || mayBeInView(form.view(), aspect(), ...box);
     },
-    invisible: () => invisibleWords(scene, bounds() !== null),
+    invisible,
     brighten: hand.exposeAuto,
     light: () => (form.light.choose("studio"), hand.expose(0)),
     reframe: () => framing.frame(),
@@ -289,7 +290,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
         const isRough = !cover.isInstead && denoised && !spp; // a small picture
         if (counted.id !== id) counted = { id, n: 0 };
         if (!cover.isInstead) counted.n = Math.max(counted.n, spp); // a denoised picture may have fewer than the noise had before it
-        say(cover.isInstead ? previewWords(done, cover.isOtherLight) : isRough ? roughWords : clarity(counted.n, noise, done, denoised), done);
+        say(invisible() ? nothingWords : cover.isInstead ? previewWords(done, cover.isOtherLight) : isRough ? roughWords : clarity(counted.n, noise, done, denoised), done);
       }
       state.title = done ? "" : [progressWords(mean, noise), tn(slots, "{n} slot", "{n} slots")].filter(Boolean).join(", ");
     },
@@ -324,7 +325,9 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       canvas.classList.toggle("outdated", isOutdated());
     }
     cover.follow();
-    if (isSeen && cover.isInstead) say(previewWords(false, cover.isOtherLight), false); // the counts were of the view before
+    if (invisible()) say(nothingWords);
+    else if (state.textContent === nothingWords) say(""); // another variant or frame shows something
+    else if (isSeen && cover.isInstead) say(previewWords(false, cover.isOtherLight), false); // the counts were of the view before
     warnEarly();
     exposePreview();
     framing.update();

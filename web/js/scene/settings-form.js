@@ -206,9 +206,13 @@ function costWords({ seconds, isSure }) {
   if (!all) return ""; // not loaded yet
   if (!all.length) return t("It waits for a worker.");
   if (seconds === null) return "\u00a0";
-  if (!isSure) return t("Takes {time}", { time: rangeText(seconds) });
+  const isBusy = jobs.value?.some(({ state }) => state === "running");
+  if (!isSure) {
+    const time = rangeText(seconds);
+    return isBusy ? t("Takes {time}, longer while another picture is rendered", { time }) : t("Takes {time}", { time });
+  }
   const time = expectedText(seconds);
-  return jobs.value?.some(({ state }) => state === "running") ? t("About {time}, longer while another picture is rendered", { time }) : t("About {time}", { time });
+  return isBusy ? t("About {time}, longer while another picture is rendered", { time }) : t("About {time}", { time });
 }
 
 /** Returns what a picture's time depends on, and its noise. @param {{noise: number | null}} expectation @param {number} samples of the whole picture */

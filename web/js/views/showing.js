@@ -2,6 +2,7 @@
 
 import { fill, h } from "../base/dom.js";
 import { emptyPage } from "../shell/hints.js";
+import { meantPath } from "../shell/meant-path.js";
 import { missingView } from "../shell/missing-view.js";
 import { linkTo, onNavigate } from "../shell/router.js";
 import { scrollToPlace } from "../shell/scroll-memory.js";
@@ -98,12 +99,15 @@ export function showViews(main, markSection) {
     }
   };
 
-  onNavigate(async ({ path: [section = "", ...ids] }) => {
+  onNavigate(async ({ path }) => {
+    const [section = "", ...ids] = path;
+    const address = ahead.viewAt(location.hash);
+    const meant = address === null ? meantPath(path, (other) => ahead.viewAt(linkTo(...other)) !== null) : null;
+    if (meant) return location.replace(linkTo(...meant)); // the back button leads past the mistaken address
     visit += 1;
     const mine = visit;
     clearPageErrors();
     markSection(SECTION_OF[section] ?? section);
-    const address = ahead.viewAt(location.hash);
     let make = here.get(address) ?? null;
     if (!make && address !== null) {
       // The previous view stays visible meanwhile, but inactive. It is disposed of afterwards, since that clears its canvas.
