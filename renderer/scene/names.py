@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import PurePosixPath
 
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.text_encoding import is_readable, readable, title
+from renderer.scene.text_encoding import is_readable, likely_encoding, readable, title
 from renderer.sentences import Sentence
 
 __all__ = ["make_readable"]
@@ -17,16 +18,13 @@ __all__ = ["make_readable"]
 def make_readable(description: SceneDescription, files: SceneFiles, main: str) -> None:
     """Decodes bytes that are not UTF-8 in a description's names and warnings, and adds a warning with their count.
 
-    Uses the encoding by which such names matched existing files, else Latin-1.
+    Uses the encoding by which such names matched existing files, else the likely one, else Latin-1.
     """
+    changed = _unreadable(description)
     common = files.encodings.most_common(1)
-    encoding = common[0][0] if common else None
-    changed = set[str]()
+    encoding = common[0][0] if common else likely_encoding(changed)
 
     def text(name: str) -> str:
-        if is_readable(name):
-            return name
-        changed.add(name)
         return readable(name, encoding)
 
     for material in description.materials:
@@ -59,8 +57,16 @@ def make_readable(description: SceneDescription, files: SceneFiles, main: str) -
                 "{name}: {count} names are not in UTF-8; they are read as {encoding}, which finds {found} of the files.",
                 name=name,
                 count=count,
-                encoding=title(encoding),
+                encoding=title(common[0][0]),
                 found=found,
+            )
+            if common
+            else Sentence(
+                "names-encoding-likely",
+                "{name}: {count} names are not in UTF-8; they are read as {encoding}, which is a guess.",
+                name=name,
+                count=count,
+                encoding=title(encoding),
             )
             if encoding
             else Sentence(
@@ -70,3 +76,23 @@ def make_readable(description: SceneDescription, files: SceneFiles, main: str) -
                 count=count,
             )
         )
+
+
+def _unreadable(description: SceneDescription) -> set[str]:
+    """Returns the names that are not UTF-8, also those in warnings."""
+    parts = (description.materials, description.meshes, description.instances, description.images, description.lights)
+    names: list[str] = [each.name for part in (*parts, description.cameras) for each in part]
+    for warning in description.warnings:
+        names += _texts(warning) if isinstance(warning, Sentence) else []
+    return {name for name in names if not is_readable(name)}
+
+
+def _texts(value: object) -> Iterator[str]:
+    """Yields the texts among a sentence's parameters."""
+    if isinstance(value, Sentence):
+        value = list(value.params.values())
+    if isinstance(value, list):
+        for each in value:
+            yield from _texts(each)
+    elif isinstance(value, str):
+        yield value

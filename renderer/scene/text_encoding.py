@@ -9,9 +9,18 @@ from __future__ import annotations
 import codecs
 import contextlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
-__all__ = ["as_utf8", "decoded", "is_readable", "possible_decodings", "readable", "title", "with_decimal_points"]
+__all__ = [
+    "as_utf8",
+    "decoded",
+    "is_readable",
+    "likely_encoding",
+    "possible_decodings",
+    "readable",
+    "title",
+    "with_decimal_points",
+]
 
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8"),
@@ -22,6 +31,13 @@ _BOMS = (
 )
 _ENCODINGS = ("gb18030", "cp932", "cp949", "big5", "cp1252", "cp1251", "cp437", "latin-1")
 _TITLES = {"gb18030": "GBK", "cp932": "Shift-JIS", "cp949": "EUC-KR", "big5": "Big5", "latin-1": "Latin-1"}
+# Patterns of names in one encoding that names in the others hardly ever match, each for the bytes above ASCII in succession.
+_COMMON_HANZI = re.compile(rb"(?:[\xb0-\xd7][\xa1-\xfe])+")  # the 3,755 most common characters of GB 2312
+_HANGUL = re.compile(rb"(?:[\xb0-\xc8][\xa1-\xfe])+")  # all syllables of EUC-KR, whose bytes are common hanzi, too
+_KANA = re.compile(rb"\x82[\x9f-\xf1]|\x83[\x40-\x96]")
+_CYRILLIC = re.compile(rb"[\xc0-\xff][\xe0-\xff]{2,}")
+_ACCENTED = re.compile(rb"[\xc0-\xd6\xd8-\xf6\xf8-\xff]{1,2}")
+_ABOVE_ASCII = re.compile(rb"[\x80-\xff]+")
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _SAMPLE = 4096  # bytes, of which half are 0 in UTF-16 of western text
 
@@ -78,6 +94,28 @@ def possible_decodings(text: str) -> Iterator[tuple[str, str]]:
     for encoding in _ENCODINGS:
         with contextlib.suppress(UnicodeDecodeError):
             yield encoding, data.decode(encoding)
+
+
+def likely_encoding(names: Iterable[str]) -> str | None:
+    """Returns the encoding that strings with lone surrogates are probably in, judged together; None: undecided."""
+    data = [name.encode("utf-8", "surrogateescape") for name in names]
+    runs = [run for each in data for run in _ABOVE_ASCII.findall(each)]
+    if not runs:
+        return None
+    if any(_KANA.search(each) for each in data) and all(_is_in(each, "cp932") for each in data):
+        return "cp932"
+    for pattern, encoding in ((_ACCENTED, "cp1252"), (_COMMON_HANZI, "gb18030"), (_CYRILLIC, "cp1251")):
+        if all(pattern.fullmatch(run) for run in runs):
+            return None if encoding == "gb18030" and all(_HANGUL.fullmatch(run) for run in runs) else encoding
+    return None
+
+
+def _is_in(data: bytes, encoding: str) -> bool:
+    try:
+        data.decode(encoding)
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def readable(text: str, encoding: str | None = None) -> str:

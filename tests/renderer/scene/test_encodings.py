@@ -5,6 +5,9 @@ import unicodedata
 import numpy as np
 import pytest
 
+from renderer.scene.text_encoding import likely_encoding
+from tests.renderer.scene.fbx_text import fbx, material, node, texture
+
 QUAD = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
 FACE = "f 1/1 2/2 3/3 4/4\n"
 NAMES = [
@@ -30,6 +33,21 @@ def test_encoding_is_chosen_by_existing_files(scene, png, name, encoding):
     assert any("names are not in UTF-8" in w and "of the files" in w for w in description.warnings)
 
 
+@pytest.mark.parametrize(("name", "encoding"), [each for each in NAMES if each[1] != "cp949"])
+def test_missing_texture_is_named_in_the_likely_encoding(scene, name, encoding):
+    objects = node(20, "a") + material(30, "m") + texture(40, f"{name}.png")
+    data = fbx(objects, [(30, 20), (40, 30, "DiffuseColor")])
+    warnings = scene("a.fbx", data.encode(encoding)).warnings
+    assert any(f"{name}.png" in warning and "is not among the files" in warning for warning in warnings)
+    assert any("names are not in UTF-8" in warning and "which is a guess" in warning for warning in warnings)
+
+
+@pytest.mark.parametrize("name", ["나무", "재질", "木目", "材質"])
+def test_encoding_of_ambiguous_names_is_not_guessed(name):
+    encoding = {"木目": "cp932", "材質": "big5"}.get(name, "cp949")
+    assert likely_encoding([name.encode(encoding).decode("utf-8", "surrogateescape")]) is None
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32"])
 def test_unicode_with_and_without_bom(scene, png, encoding):
     mark = "\ufeff" if encoding in ("utf-16-le",) else ""
@@ -45,7 +63,7 @@ def test_different_bytes_stay_different_names(scene):
     description = scene("m.obj", obj, {"m.mtl": mtl})
     found = {m.name: description.materials[m.material].base_color for m in description.meshes}
     assert found == {"grün": (0, 1, 0), "grän": (0, 0, 1)}
-    assert any("2 names are not in UTF-8; they are read as Latin-1" in w for w in description.warnings)
+    assert any("2 names are not in UTF-8; they are read as CP1252" in w for w in description.warnings)
 
 
 def test_mtl_in_another_encoding_than_the_obj(scene):

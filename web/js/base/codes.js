@@ -34,6 +34,7 @@ export const GUESSED = [
   "mtl-bump-read-as-normal",
   "mtl-decimal-commas",
   "names-encoding-guessed",
+  "names-encoding-likely",
   "obj-image-guessed",
   "obj-library-guessed",
   "points-shown-as-spheres",
