@@ -283,6 +283,59 @@ def test_metal_of_a_preview_shows_what_is_near_in_its_place(farm: Farm, watched:
     assert watched.errors == []
 
 
+# Draws a floor below a pane in the light of four lamps above, and a small pyramid around a weak blue one.
+# Returns the colours of points of the floor, 0 ... 255.
+DRAW_PANE = """async ([obj, mtl, points]) => {
+  const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");
+  const { clipMatrix } = await import("/js/scene/mesh-camera.js");
+  const { meshOf } = await import("/js/mesh/upload.js");
+  const files = [["pane.obj", obj], ["pane.mtl", mtl]].map(([path, text]) => ({ path, file: new File([text], path) }));
+  const { packet } = await meshOf({ files, formats: [".obj"] });
+  const lamp = { far: false, axis: [0, 0, 0], cosines: [-2, -1] };
+  const strong = Array(4).fill({ ...lamp, at: [0, 4, 0], color: [0.1, 0.1, 0.1] });
+  const lamps = [...strong, { ...lamp, at: [-1.4, 0.4, 0], color: [0, 0, 0.05] }];
+  const canvas = document.createElement("canvas");
+  canvas.style.cssText = "position: fixed; top: 0; left: 0; width: 200px; height: 200px";
+  document.body.append(canvas);
+  const mesh = new MeshCanvas(canvas);
+  mesh.setMesh({ ...packet, textures: [], lamps, isStudio: false, environment: null });
+  const view = { eye: [0, 5, 5], target: [0, 0, 0], up: [0, 1, 0], fov: 50 };
+  mesh.setView(view);
+  mesh.draw();
+  const copy = new OffscreenCanvas(200, 200).getContext("2d");
+  copy.drawImage(canvas, 0, 0, 200, 200);
+  const toClip = clipMatrix(view, 1, packet.low, packet.high);
+  const middle = packet.low.map((value, i) => (value + packet.high[i]) / 2);
+  return points.map((point) => {
+    const along = (row) => [0, 1, 2].reduce((sum, i) => sum + toClip[4 * i + row] * (point[i] - middle[i]), toClip[12 + row]);
+    return [...copy.getImageData(100 + (100 * along(0)) / along(3), 100 - (100 * along(1)) / along(3), 1, 1).data.slice(0, 3)];
+  });
+}"""
+PANE = "mtllib pane.mtl\nv -3 0 -3\nv 3 0 -3\nv 3 0 3\nv -3 0 3\nusemtl floor\nf 4 3 2 1\n"
+PANE += "v -0.5 1 -0.5\nv 0.5 1 -0.5\nv 0.5 1 0.5\nv -0.5 1 0.5\nusemtl pane\nf 8 7 6 5\n"
+PANE += "v -1.5 0.3 -0.1\nv -1.3 0.3 -0.1\nv -1.4 0.3 0.1\nv -1.4 0.5 0\n"
+PANE += "usemtl glow\nf 9 10 12\nf 10 11 12\nf 11 9 12\nf 9 11 10\n"
+
+
+@pytest.mark.long
+def test_lamps_of_a_preview_shine_through_a_pane_and_beside_what_glows(farm: Farm, watched: Watched) -> None:
+    """A pane has a lighter shadow than a solid one; a fifth lamp, inside a surface that shines, lights what is next to it."""
+    page = watched.page
+    page.goto(farm.url)
+    points = [[0, 0, 0], [1.4, 0, 0.4], [-1.4, 0, 0.4]]
+
+    def colors(opacity: float) -> np.ndarray:
+        materials = f"newmtl floor\nKd 0.5 0.5 0.5\nnewmtl pane\nKd 0.5 0.5 0.5\nd {opacity}\nnewmtl glow\nKd 0 0 0\nKe 0 0 3\n"
+        return np.array(page.evaluate(DRAW_PANE, [PANE, materials, points]), dtype=int)
+
+    clear, pane, solid = colors(0.02), colors(0.4), colors(1)
+    assert solid[0, 0] + 20 < pane[0, 0] < clear[0, 0] - 10, f"{clear} {pane} {solid}"
+    assert np.abs(clear[1] - solid[1]).max() <= 2
+    assert pane[2, 2] > pane[1, 2] + 20, f"blue beside the lamp: {pane}"
+    assert abs(pane[2, 0] - pane[1, 0]) <= 4, f"{pane}"
+    assert watched.errors == []
+
+
 # Returns the brightness of a mesh's surroundings in lights of one colour, with another exposure on the page.
 MEASURE = """async ([obj, lights]) => {
   const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");

@@ -355,6 +355,33 @@ def test_rectangles_stand_for_the_lamps_at_their_middles(node: Node) -> None:
     assert node.call("scene/mesh-lamps", body, list(encode_mesh(mesh))) == [[14, 12, 10], None]
 
 
+def test_a_weak_lamp_stands_where_a_surface_shines(node: Node) -> None:
+    """Of the lamps after the four strongest, one that a surface encloses keeps its place; others light from all around."""
+    body = """
+        const mesh = (await read("/js/news/mesh-packet.js")).decodeMesh(new Uint8Array(a).buffer, async () => null);
+        const { lamps, around } = m.lampsOf(mesh.lamps, false, mesh);
+        return { lamps: lamps.map(({ at, color }) => [...at, color[0]]), around };"""
+    corners = np.array([[4.0, 0, 0], [6, 0, 1], [6, 2, 0], [0, 0, 0], [9, 9, 9], [0, 9, 0]])
+    strong = tuple(PreviewLamp((0.0, 9.0, float(i)), False, (4.0 + i,) * 3) for i in range(4))
+    weak = (
+        PreviewLamp((5.0, 1.0, 0.5), False, (0.5, 0.5, 0.5)),
+        PreviewLamp((5.0, 4.0, 0.5), False, (1.0, 1.0, 1.0)),
+        PreviewLamp((5.0, 1.0, 0.5), True, (2.0, 2.0, 2.0)),
+    )
+    mesh = PreviewMesh(
+        corners,
+        np.zeros((6, 3), np.float32),
+        np.full((6, 4), 255, np.uint8),
+        np.uint32([[0, 1, 2], [3, 4, 5]]),
+        parts=(PreviewPart(0, 3, 0), PreviewPart(3, 3, 1)),
+        materials=(PreviewMaterial(emission=(1.0, 2.0, 3.0)), PreviewMaterial()),
+        lamps=(*weak, *strong),
+    )
+    found = node.call("scene/mesh-lamps", body, list(encode_mesh(mesh)))
+    assert found["lamps"] == [[0, 9, 3, 7], [0, 9, 2, 6], [0, 9, 1, 5], [0, 9, 0, 4], [5, 1, 0.5, 0.5]]
+    assert found["around"] == [1.5, 1.5, 1.5]
+
+
 def test_reading_is_given_up_when_it_takes_long_or_the_service_refuses(node: Node) -> None:
     """The service's mesh does not wait for the page's own, and the worker ends."""
     mesh = triangle()

@@ -9,7 +9,7 @@ import { lampsOf, rectanglesOf, sunsOn } from "./mesh-lamps.js";
 import { MIRROR_UNITS, MeshMirrors, isMirror } from "./mesh-mirror.js";
 import { placeOf } from "./mesh-parts.js";
 import { Programs } from "./mesh-program.js";
-import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, PASS, PLACES, VERTEX } from "./mesh-shader.js";
+import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, MOST_LAMPS, PASS, PLACES, VERTEX } from "./mesh-shader.js";
 import { FLOOR_REACH } from "./mesh-shadow-places.js";
 import { MeshShadows } from "./mesh-shadow.js";
 import { LIT_SAMPLE, SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
@@ -472,12 +472,12 @@ export class MeshCanvas {
     if (this.light?.hasFloor === hasFloor && this.light.above === this.above) return this.light;
     const { environment, lamps: chosen } = chosenLight(mesh, this.chosen) ?? { environment: null, lamps: mesh.lamps };
     const isBlack = environment === null;
-    const { lamps, around } = lampsOf(chosen, isBlack);
+    const { lamps, around } = lampsOf(chosen, isBlack, mesh);
     const tables = tablesOf(mesh, JSON.stringify(this.chosen), () => environment, { up: this.above, hasFloor, suns: sunsOn(this.above, lamps), around, isAlone: isBlack });
     if (this.light) gl.deleteTexture(this.light.texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.around);
     this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, rectangles: rectanglesOf(mesh, lamps), hasFloor, above: this.above, isBlack };
-    if (this.shadows?.isPossible) this.shadows.begin({ mesh, tables, lamps, above: hasFloor ? this.above : null, isAlone: isBlack, drawPart: (part, material, at) => this.drawShape(part, material, at) });
+    if (this.shadows?.isPossible) this.shadows.begin({ mesh, tables, lamps: lamps.slice(0, MOST_LAMPS), above: hasFloor ? this.above : null, isAlone: isBlack, drawPart: (part, material, at) => this.drawShape(part, material, at) });
     return this.light;
   }
 

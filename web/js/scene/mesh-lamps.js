@@ -1,7 +1,8 @@
 /** The lamps by which a preview mesh is shaded: the strongest ones, and what all others and reflections between surfaces add. */
 
 import { rectangleOf } from "./mesh-parts.js";
-import { MOST_LAMPS } from "./mesh-shader.js";
+import { MOST_GLOWS, MOST_LAMPS } from "./mesh-shader.js";
+import { boxOf } from "./mesh-shadow-places.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../news/mesh-packet.js").Lamp} Lamp */
@@ -17,17 +18,29 @@ const [BETWEEN, SCATTERED] = [0.15, 0.5];
 /**
  * @param {Lamp[]} lamps
  * @param {boolean} isAlone whether nothing else lights the scene
- * @returns {{lamps: Lamp[], around: Vec3}} around: radiance from all directions
+ * @param {MeshPacket} mesh
+ * @returns {{lamps: Lamp[], around: Vec3}} lamps: MOST_LAMPS at most, which cast shadows, and then weaker ones that are surfaces of the mesh. around: radiance from all directions
  */
-export function lampsOf(lamps, isAlone) {
+export function lampsOf(lamps, isAlone, mesh) {
   const bright = (/** @type {Lamp} */ { color }) => Math.max(...color);
   const total = lamps.reduce((sum, lamp) => sum + bright(lamp), 0);
   const isOutside = isAlone && (total < WEAKEST || total > STRONGEST);
   const scale = total && (isOutside || lamps.some(({ isRelative }) => isRelative)) ? USUAL / total : 1;
   const sorted = lamps.toSorted((a, b) => bright(b) - bright(a)).map((lamp) => ({ ...lamp, color: scaled(lamp.color, scale) }));
   const sum = (/** @type {Lamp[]} */ of) => of.reduce((all, { color }) => /** @type {Vec3} */ (all.map((value, i) => value + (color[i] ?? 0))), /** @type {Vec3} */ ([0, 0, 0]));
-  const [between, others] = [scaled(sum(sorted), isAlone ? BETWEEN * Math.min(1, USUAL / (total * scale || 1)) : 0), scaled(sum(sorted.slice(MOST_LAMPS)), SCATTERED)];
-  return { lamps: sorted.slice(0, MOST_LAMPS), around: /** @type {Vec3} */ (between.map((value, i) => value + (others[i] ?? 0))) };
+  const weak = sorted.slice(MOST_LAMPS);
+  const glows = glowing(mesh, weak).slice(0, MOST_GLOWS); // from all around, they would not light what is next to them
+  const [between, others] = [scaled(sum(sorted), isAlone ? BETWEEN * Math.min(1, USUAL / (total * scale || 1)) : 0), scaled(sum(weak.filter((lamp) => !glows.includes(lamp))), SCATTERED)];
+  return { lamps: [...sorted.slice(0, MOST_LAMPS), ...glows], around: /** @type {Vec3} */ (between.map((value, i) => value + (others[i] ?? 0))) };
+}
+
+/** Returns the lamps that surfaces of a mesh enclose which shine. @param {MeshPacket} mesh @param {Lamp[]} lamps */
+function glowing(mesh, lamps) {
+  if (!lamps.length) return [];
+  const boxes = mesh.parts.filter(({ material }) => Math.max(...(mesh.materials[material]?.emission ?? [])) > 0).map((part) => boxOf(mesh, part));
+  const center = mesh.low.map((value, i) => (value + (mesh.high[i] ?? 0)) / 2);
+  const isIn = (/** @type {Lamp} */ { at }, /** @type {ReturnType<typeof boxOf>} */ { low, high }) => at.every((value, i) => value - (center[i] ?? 0) >= (low[i] ?? 0) && value - (center[i] ?? 0) <= (high[i] ?? 0));
+  return lamps.filter((lamp) => !lamp.far && boxes.some((box) => isIn(lamp, box)));
 }
 
 /** Distance of a lamp from the middle of a rectangle that it stands for, in proportion to its sides. */

@@ -8,6 +8,9 @@ import { FAR, MOST_BALLS, NEAR, SIDE } from "./mesh-mirror.js";
 
 /** Lamps that the mesh is shaded by; what the others give comes from all around. */
 export const MOST_LAMPS = 4;
+/** Surfaces that shine more weakly than those, by which it is shaded too, without shadows. */
+export const MOST_GLOWS = 4;
+const SHADING_LAMPS = MOST_LAMPS + MOST_GLOWS;
 
 /** Passes, in the order in which they are drawn. */
 export const PASS = { opaque: 0, glass: 1, blend: 2 };
@@ -81,14 +84,17 @@ uniform vec4 eye; // its place, with 1, or of an orthographic camera the directi
 uniform vec3 extent;
 #ifdef LAMPS
 uniform int lampCount;
-uniform vec4 lamps[${MOST_LAMPS}]; // places, with 1, or directions, with 0
-uniform vec3 lampColors[${MOST_LAMPS}]; // radiance of a white surface at the middle
-uniform vec3 lampAxes[${MOST_LAMPS}];
-uniform vec2 lampCosines[${MOST_LAMPS}];
+uniform vec4 lamps[${SHADING_LAMPS}]; // places, with 1, or directions, with 0
+uniform vec3 lampColors[${SHADING_LAMPS}]; // radiance of a white surface at the middle
+uniform vec3 lampAxes[${SHADING_LAMPS}];
+uniform vec2 lampCosines[${SHADING_LAMPS}];
 #ifdef RECTANGLES
-uniform vec3 lampHalves[${2 * MOST_LAMPS}]; // of rectangles, from the middle to those of two sides; 0: the lamp is none
-uniform vec3 lampRadiances[${MOST_LAMPS}]; // of rectangles
+uniform vec3 lampHalves[${2 * SHADING_LAMPS}]; // of rectangles, from the middle to those of two sides; 0: the lamp is none
+uniform vec3 lampRadiances[${SHADING_LAMPS}]; // of rectangles
 #endif
+float openOf(int lamp, vec4 open) {
+  return lamp < ${MOST_LAMPS} ? open[min(lamp, ${MOST_LAMPS - 1})] : 1.0;
+}
 #endif
 uniform float metallic;
 uniform float roughness;
@@ -246,7 +252,7 @@ vec3 lampsAlong(vec3 place, vec3 way, float rough, float spread, vec4 open) {
     vec2 share = vec2(dot(at, u), dot(at, v)) / vec2(dot(u, u), dot(v, v));
     vec2 wide = far * max(spread, LOBE * rough * rough) / vec2(length(u), length(v));
     vec2 covered = smoothstep(-wide, wide, 1.0 - share) - smoothstep(-wide, wide, -1.0 - share);
-    light += covered.x * covered.y * open[i] * lampRadiances[i];
+    light += covered.x * covered.y * openOf(i, open) * lampRadiances[i];
   }
   return light;
 }
@@ -259,12 +265,13 @@ void addLamps(vec3 place, vec3 n, vec3 v, float rough, vec3 reflectance, vec3 ag
   for (int i = 0; i < lampCount; i++) {
     vec3 way = lamps[i].xyz - lamps[i].w * place;
     float far = dot(lamps[i].xyz, lamps[i].xyz);
-    float near = lamps[i].w > 0.5 ? min(far / max(dot(way, way), 1e-12), 6.0) : 1.0;
+    float near = lamps[i].w > 0.5 ? min(far / max(dot(way, way), 1e-12), i < ${MOST_LAMPS} ? 6.0 : 20.0) : 1.0;
     vec3 l = normalize(way);
     float cone = clamp((-dot(l, lampAxes[i]) - lampCosines[i].x) / (lampCosines[i].y - lampCosines[i].x), 0.0, 1.0);
     float nl = max(dot(n, l), 0.0);
-    vec3 light = lampColors[i] * near * cone * nl * open[i];
+    vec3 light = lampColors[i] * near * cone * nl * openOf(i, open);
     diffuse += light;
+    if (i >= ${MOST_LAMPS}) continue; // a surface that shines is wider than the highlight of a point
 #ifdef RECTANGLES
     if (lampHalves[2 * i] != vec3(0.0)) continue; // lampsAlong adds what a surface reflects of it
 #endif

@@ -3,7 +3,7 @@
 import { FLOOR_TEXELS } from "./mesh-floor-shader.js";
 import { VERTEX } from "./mesh-shader.js";
 import { albedoAxes, boxOf, extentOf, floorMap, lampTilesOf, matrixOf, placeOf, radiusOf, rowsTowards } from "./mesh-shadow-places.js";
-import { ACROSS, ALBEDO_FRAGMENT, DEPTH_FRAGMENT } from "./mesh-shadow-shader.js";
+import { ACROSS, ALBEDO_FRAGMENT, DEPTH_FRAGMENT, LAMP_DEPTH_FRAGMENT } from "./mesh-shadow-shader.js";
 import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
 
 /** @typedef {import("../news/mesh-packet.js").Lamp} Lamp */
@@ -160,10 +160,9 @@ export class ShadowMaps {
       gl.activeTexture(gl.TEXTURE0 + 9);
       this.lamps = depthTarget(gl, LAMP_MAP, LAMP_MAP, gl.DEPTH_COMPONENT24, true);
     }
-    const linked = this.target(this.lamps, LAMP_MAP, true);
+    const linked = this.target(this.lamps, LAMP_MAP, true, LAMP_DEPTH_FRAGMENT);
     if (!linked) return;
     const { across, side } = this.lampGrid;
-    gl.uniform1f(linked.at("threshold"), 0.5);
     this.lampTiles.forEach(({ lamp, matrix }, tile) => {
       const place = placeOf(subject.mesh, /** @type {Lamp} */ (subject.lamps[lamp]));
       gl.viewport(side * (tile % across), side * Math.floor(tile / across), side, side);

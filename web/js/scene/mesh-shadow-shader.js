@@ -32,6 +32,14 @@ void main() {
   if (isHidden()) discard;
 }`;
 
+/** Depth from a lamp: one map for all thresholds, so they differ from texel to texel. Source: Bayer 1973, ordered dithering. */
+export const LAMP_DEPTH_FRAGMENT = DEPTH_FRAGMENT.replace("uniform float threshold;", "float threshold;").replace(
+  "if (isHidden())",
+  `ivec2 at = ivec2(gl_FragCoord.xy), fine = at & 1, coarse = (at >> 1) & 1;
+  threshold = (float(8 * (fine.x ^ fine.y) + 4 * fine.y + 2 * (coarse.x ^ coarse.y) + coarse.y) + 0.5) / 16.0;
+  if (isHidden())`,
+);
+
 /** Albedo of the scene. */
 export const ALBEDO_FRAGMENT = `#version 300 es
 precision highp float;
