@@ -128,9 +128,10 @@ def test_file_that_needs_blender_says_what_to_do(farm: Farm, watched: Watched) -
     assert watched.errors == []
 
 
-# Draws a cube on the studio's floor, once or until its shadows are done; by default seen from above.
+# Draws a cube on the studio's floor, once or until its shadows are done; by default seen from above, and in the studio.
 # Returns the colours of some points, 0 ... 255.
-DRAW_CUBE = """async ([obj, points, isRefined, view = { eye: [0, 14, 0], target: [0, 0, 0], up: [0, 0, -1], fov: 40 }]) => {
+DRAW_CUBE = """async ([obj, points, isRefined, seenBy, light = {}]) => {
+  const view = seenBy ?? { eye: [0, 14, 0], target: [0, 0, 0], up: [0, 0, -1], fov: 40 };
   const { MeshCanvas } = await import("/js/scene/mesh-canvas.js");
   const { clipMatrix } = await import("/js/scene/mesh-camera.js");
   const { meshOf } = await import("/js/mesh/upload.js");
@@ -141,6 +142,7 @@ DRAW_CUBE = """async ([obj, points, isRefined, view = { eye: [0, 14, 0], target:
   const mesh = new MeshCanvas(canvas);
   mesh.floor = true;
   mesh.setMesh({ ...packet, textures: [] });
+  mesh.relight(light);
   mesh.setView(view);
   mesh.draw();
   while (isRefined && (mesh.settling !== undefined || mesh.isRefining)) {
@@ -175,6 +177,22 @@ def test_preview_shadow_falls_away_from_the_key_light(farm: Farm, watched: Watch
     assert shadowed < lit - 12
     assert lit <= open_floor
     assert open_floor == pytest.approx(181, abs=5), "as the path tracer's"
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_floor_of_a_preview_ends_where_the_renderer_ends_it(farm: Farm, watched: Watched) -> None:
+    """The floor is not blurred into the backdrop: its far edge, 30 diagonals of the bounds away, is sharp."""
+    page = watched.page
+    page.goto(farm.url)
+    view = {"eye": [0, 6, 9], "target": [0, 4, 0], "up": [0, 1, 0], "fov": 40}
+    end = -30 * math.sqrt(12)
+    points = [[3, 0, -20], [2, 0, end + 10], [2, 0, end - 14], [2, 12, end]]
+    found = page.evaluate(DRAW_CUBE, [CUBE, points, True, view, {"color": [0.5, 0.5, 0.5]}])
+    near, inside, outside, sky = (color[1] for color in found)
+    assert inside == pytest.approx(near, abs=2)
+    assert outside == pytest.approx(sky, abs=2)
+    assert sky > near + 20
     assert watched.errors == []
 
 

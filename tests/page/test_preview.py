@@ -126,6 +126,7 @@ def test_floor_of_the_studio_is_as_bright_as_its_horizon(node: Node) -> None:
     floor, received = node.call("scene/mesh-environment", body)
     assert floor["radiance"] == pytest.approx([0.5] * 3, rel=1e-3)
     assert floor["albedo"] * received == pytest.approx(0.5, rel=0.05)
+    assert floor["beyond"] == pytest.approx([1] * 3, abs=0.02), "the studio has no edge at the horizon"
 
 
 SAMPLES = """

@@ -10,7 +10,7 @@ import { MIRROR_UNITS, MeshMirrors, isMirror } from "./mesh-mirror.js";
 import { placeOf } from "./mesh-parts.js";
 import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, MOST_LAMPS, PASS, PLACES, VERTEX } from "./mesh-shader.js";
-import { FLOOR_REACH } from "./mesh-shadow-places.js";
+import { FLOOR_DIAGONALS, FLOOR_REACH, floorMap, radiusOf } from "./mesh-shadow-places.js";
 import { MeshShadows } from "./mesh-shadow.js";
 import { LIT_SAMPLE, SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
 import { aroundTexture, fillTexel, fillTexture, standInOf, tablesOf, texelTexture } from "./mesh-textures.js";
@@ -77,7 +77,7 @@ export class MeshCanvas {
     this.textures = [];
     /** Vertices and indices of the mesh. @type {WebGLBuffer[]} */
     this.buffers = [];
-    /** The light around, and for which floor it was computed. @type {{texture: WebGLTexture, irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[], rectangles: (import("./mesh-lamps.js").Rectangle | null)[], hasFloor: boolean, above: Vec3, isBlack: boolean} | null} */
+    /** The light around, and for which floor it was computed. @type {{texture: WebGLTexture, irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[], rectangles: (import("./mesh-lamps.js").Rectangle | null)[], hasFloor: boolean, above: Vec3, isBlack: boolean, beyond: Vec3 | null} | null} */
     this.light = null;
     /** The light that the request chooses. @type {import("../base/types.js").EnvironmentRequest} */
     this.chosen = {};
@@ -392,7 +392,7 @@ export class MeshCanvas {
     const hasBehind = onPage !== null && glass.length > 0;
     if (hasBehind) this.copyBehind(onPage, glass.some(({ material }) => material.roughness > BLURRED));
     if (onPage && !kept) {
-      this.drawBackdrop(view, onPage.width / onPage.height, light, programs.with(BACKDROP_VERTEX, BACKDROP_FRAGMENT, isDefaultCurve ? [] : ["CURVES"]));
+      this.drawBackdrop(view, onPage.width / onPage.height, mesh, light, programs.with(BACKDROP_VERTEX, BACKDROP_FRAGMENT, isDefaultCurve ? [] : ["CURVES"]));
     }
     if (glass.length && use(glass, PASS.glass, { isMirror: true })) {
       gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);
@@ -476,7 +476,7 @@ export class MeshCanvas {
     const tables = tablesOf(mesh, JSON.stringify(this.chosen), () => environment, { up: this.above, hasFloor, suns: sunsOn(this.above, lamps), around, isAlone: isBlack });
     if (this.light) gl.deleteTexture(this.light.texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.around);
-    this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, rectangles: rectanglesOf(mesh, lamps), hasFloor, above: this.above, isBlack };
+    this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, rectangles: rectanglesOf(mesh, lamps), hasFloor, above: this.above, isBlack, beyond: tables.floor?.beyond ?? null };
     if (this.shadows?.isPossible) this.shadows.begin({ mesh, tables, lamps: lamps.slice(0, MOST_LAMPS), above: hasFloor ? this.above : null, isAlone: isBlack, drawPart: (part, material, at) => this.drawShape(part, material, at) });
     return this.light;
   }
@@ -544,8 +544,8 @@ export class MeshCanvas {
     gl.disable(gl.BLEND);
   }
 
-  /** @param {View} view @param {number} aspect @param {{texture: WebGLTexture, isBlack: boolean}} light @param {import("./mesh-program.js").Linked | null} linked */
-  drawBackdrop(view, aspect, { texture, isBlack }, linked) {
+  /** @param {View} view @param {number} aspect @param {MeshPacket} mesh @param {NonNullable<MeshCanvas["light"]>} light @param {import("./mesh-program.js").Linked | null} linked */
+  drawBackdrop(view, aspect, mesh, { texture, isBlack, beyond }, linked) {
     const { gl } = this;
     if (!gl || !linked) return;
     const { program, at } = linked;
@@ -561,6 +561,14 @@ export class MeshCanvas {
     gl.uniform3fv(at("forward"), back.map((value, i) => shiftX * (right[i] ?? 0) + shiftY * (up[i] ?? 0) - value));
     gl.uniform3fv(at("across"), right.map((value) => half * aspect * value));
     gl.uniform3fv(at("upward"), up.map((value) => half * value));
+    const { above, height } = floorMap({ mesh, above: this.above });
+    const reach = 2 * FLOOR_DIAGONALS * radiusOf(mesh);
+    const eye = fromMiddle(view.eye, mesh.low, mesh.high).map((value, i) => value - height * (above[i] ?? 0));
+    const isOver = beyond !== null && !isFlat && eye.every((value) => Math.abs(value) < reach) && eye.reduce((sum, value, i) => sum + value * (above[i] ?? 0), 0) > 0;
+    gl.uniform3fv(at("eye"), eye);
+    gl.uniform3fv(at("above"), above);
+    gl.uniform1f(at("reach"), isOver ? reach : 0);
+    gl.uniform3fv(at("beyond"), beyond ?? [0, 0, 0]);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE_MINUS_DST_ALPHA, gl.ONE); // under the floor
     gl.drawArrays(gl.TRIANGLES, 0, 3);

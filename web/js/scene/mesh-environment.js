@@ -66,7 +66,7 @@ export function studio() {
  *
  * @typedef {object} LightTables
  * @property {{width: number, height: number, texels: Float32Array}[]} levels RGBA, each half as large as the one before
- * @property {{radiance: Vec3, albedo: number} | null} floor radiance: where no shadow falls on it; null: there is none
+ * @property {{radiance: Vec3, albedo: number, beyond: Vec3} | null} floor radiance: where no shadow falls on it. beyond: radiance just below the horizon, between the floor's far end and that, in proportion to the radiance just above; null: there is none
  * @property {Float32Array} irradiance divided by pi, as nine coefficients of spherical harmonics, three values each
  */
 
@@ -115,8 +115,19 @@ function layFloor(texels, above, suns) {
   const radiance = /** @type {Vec3} */ (irradiance.map((value) => value * albedo));
   const sunny = radiance.map((value, i) => value + albedo * (suns[i] ?? 0));
   const ways = directionsOf(HEIGHT);
-  for (let i = 0; i < 2 * HEIGHT * HEIGHT; i++) if (alongOf(ways, i, above) < 0) texels.set(sunny, 3 * i);
-  return { radiance, albedo };
+  const [over, under] = [[0, 0, 0], [0, 0, 0]]; // sums of what is around the horizon
+  for (let i = 0; i < 2 * HEIGHT * HEIGHT; i++) {
+    const along = alongOf(ways, i, above);
+    const rows = (along * HEIGHT) / Math.PI; // above the horizon
+    if (Math.abs(rows) < 2) {
+      const sum = along < 0 ? under : over;
+      const weight = Math.abs(rows) < 1 ? 1.5 : -0.5; // what two rows have, continued to the horizon
+      for (let k = 0; k < 3; k++) sum[k] = (sum[k] ?? 0) + weight * (texels[3 * i + k] ?? 0);
+    }
+    if (along < 0) texels.set(sunny, 3 * i);
+  }
+  const beyond = /** @type {Vec3} */ (under.map((value, k) => (over[k] ?? 0) > 0 ? Math.max(value / (over[k] ?? 1), 0) : 1));
+  return { radiance, albedo, beyond };
 }
 
 /** Returns the irradiance of a horizontal surface divided by pi. @param {Float32Array} texels @param {Vec3} above */

@@ -609,12 +609,29 @@ uniform vec3 across;
 uniform vec3 upward;
 uniform float gain;
 uniform int curve;
+uniform vec3 eye; // relative to the middle of the floor
+uniform vec3 above; // normal of the floor
+uniform float reach; // half the floor's side length; 0: the floor, if there is one, reaches the horizon
+uniform vec3 beyond; // as LightTables has it
 ${AROUND_GLSL}
 ${TONEMAP_GLSL}
 in vec2 at;
 out vec4 pixel;
+const float HALF_ROW = 0.0246; // of the table: sine of the elevation from which it shows nothing of the floor
+const float HORIZON = 0.006; // half the width of the horizon, as a sine of elevation: that of the presets' texels
+// What is seen along a direction. The table's texels are too wide for the floor's far end.
+vec3 behind(vec3 way) {
+  if (reach == 0.0) return reflected(way, 0.0);
+  float fall = dot(way, above);
+  vec3 along = max(abs(way - fall * above), 1e-6);
+  vec3 exits = (reach - sign(way) * eye) / along + 1e9 * abs(above); // distance to the floor's sides
+  float left = dot(eye, above) + fall * min(exits.x, min(exits.y, exits.z)); // height above the floor's edge
+  float onFloor = clamp(0.5 - left / max(fwidth(left), 1e-9), 0.0, 1.0);
+  vec3 color = reflected(normalize(way + max(HALF_ROW - fall, 0.0) * above), 0.0) * mix(beyond, vec3(1.0), smoothstep(-HORIZON, HORIZON, fall));
+  return mix(color, reflected(-above, 0.0), onFloor);
+}
 void main() {
-  vec3 color = reflected(normalize(forward + at.x * across + at.y * upward), 0.0) * gain;
+  vec3 color = behind(normalize(forward + at.x * across + at.y * upward)) * gain;
 #ifdef CURVES
   pixel = vec4(displayed(color, curve), 1.0);
 #else

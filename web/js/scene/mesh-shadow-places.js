@@ -14,6 +14,9 @@ const REACH = 3.5;
 /** How far from the middle of the scene the map's corners are, in radii. */
 export const FLOOR_REACH = 1 + REACH * Math.SQRT2;
 
+/** Half the side length of the studio's floor, in diagonals of the scene's bounds (renderer/scene/studio.py). */
+export const FLOOR_DIAGONALS = 30;
+
 /** @param {MeshPacket} mesh @returns {Vec3} */
 export const extentOf = ({ low, high }) => /** @type {Vec3} */ (high.map((value, i) => value - (low[i] ?? 0)));
 
@@ -75,7 +78,7 @@ export function albedoAxes(subject) {
   return [scaled(floorX), scaled(floorY)];
 }
 
-/** Returns the map of the floor below a scene. @param {Subject} subject */
+/** Returns the map of the floor below a scene. @param {Pick<Subject, "mesh" | "above">} subject */
 export function floorMap({ mesh, above }) {
   const up = above ?? [0, 1, 0];
   const sizes = up.map(Math.abs);

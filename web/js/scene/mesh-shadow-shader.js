@@ -177,14 +177,13 @@ void main() {
 #ifdef FLOOR
   away = vec2(0.0);
   given = vec4(0.0);
-#else
-  vec3 fromBelow = albedoAt(place, 0.0, 4.0), fromAbove = albedoAt(place, 1.0, 4.0); // blurred: else the colour of a roof would show below it
-  vec3 up = cross(albedoX, albedoY) / dot(albedoX, albedoX);
 #endif
   if (!point(place, edge)) return;
 #ifdef FLOOR
   vec3 n = edge;
 #else
+  vec3 fromBelow = albedoAt(place, 0.0, 4.0), fromAbove = albedoAt(place, 1.0, 4.0); // blurred: else the colour of a roof would show below it
+  vec3 up = cross(albedoX, albedoY) / dot(albedoX, albedoX);
   vec3 n = normalize(2.0 * texelFetch(seenSmoothed, pixelOf(ivec2(gl_FragCoord.xy)), 0).rgb - 1.0);
   float bent = bentOf(n, edge);
 #endif
@@ -229,15 +228,12 @@ export const GIVEN_FRAGMENT = `#version 300 es
 precision highp float;
 uniform sampler2D hidden; // as GATHER_FRAGMENT writes them
 uniform sampler2D given;
-uniform sampler2D floorAway;
 uniform float most; // factor of what is given where all light reaches the floor around
 uniform float power; // by which it depends on that light
-uniform float perUnit; // texels of the map
 out vec4 missed;
 void main() {
   vec2 uv = gl_FragCoord.xy / vec2(textureSize(hidden, 0));
-  vec2 away = textureLod(floorAway, uv, 2.0).rg;
-  vec4 around = textureLod(hidden, uv, log2(1.0 + 2.0 * perUnit * away.x / max(away.y, 1e-9)));
+  vec4 around = textureLod(hidden, uv, 1.0); // no wider: the maps have the depth of the scene's upper side, not of the lower one, which sees this
   float open = clamp(1.0 - dot(around.rgb, vec3(0.2126, 0.7152, 0.0722)) / max(around.a, 1e-9), 0.001, 1.0);
   vec4 all = texelFetch(hidden, ivec2(gl_FragCoord.xy), 0);
   missed = vec4(all.rgb - most * pow(open, power) * texelFetch(given, ivec2(gl_FragCoord.xy), 0).rgb, all.a);

@@ -270,14 +270,12 @@ export class MeshShadows {
     for (const [name, unit, texture] of /** @type {const} */ ([
       ["hidden", UNITS.missed, floor.hidden],
       ["given", UNITS.open, floor.given],
-      ["floorAway", UNITS.floorAway, floor.away],
     ])) {
       gl.uniform1i(at(name), unit);
       bindTexture(gl, unit, texture);
     }
     gl.uniform1f(at("most"), subject.isAlone ? 1 : GIVEN);
     gl.uniform1f(at("power"), subject.isAlone ? 0 : GIVEN_POWER);
-    gl.uniform1f(at("perUnit"), FLOOR_TEXELS * Math.hypot(...floorMap(subject).floorX));
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.enable(gl.DEPTH_TEST);
   }
