@@ -233,7 +233,7 @@ uniform float power; // by which it depends on that light
 out vec4 missed;
 void main() {
   vec2 uv = gl_FragCoord.xy / vec2(textureSize(hidden, 0));
-  vec4 around = textureLod(hidden, uv, 1.0); // no wider: the maps have the depth of the scene's upper side, not of the lower one, which sees this
+  vec4 around = textureLod(hidden, uv, 3.0); // no wider: the maps that tell distances have the depth of the scene's upper side, not of the lower one, which sees this
   float open = clamp(1.0 - dot(around.rgb, vec3(0.2126, 0.7152, 0.0722)) / max(around.a, 1e-9), 0.001, 1.0);
   vec4 all = texelFetch(hidden, ivec2(gl_FragCoord.xy), 0);
   missed = vec4(all.rgb - most * pow(open, power) * texelFetch(given, ivec2(gl_FragCoord.xy), 0).rgb, all.a);

@@ -26,7 +26,7 @@ import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
  * What the floor receives from surfaces above it, in proportion to what they reflect in the light of all directions: the factor, for light that is
  * reflected more than once too, and the power of the light that reaches the floor around, which they see. Chosen by comparison with path-traced pictures.
  */
-const [GIVEN, GIVEN_POWER] = [1.15, 1.5];
+const [GIVEN, GIVEN_POWER] = [1.2, 0.7];
 /** Share of the surrounding light that remains where surfaces block it, if that light only estimates what surfaces reflect. */
 const REFLECTED = 0.6;
 /** Texture units; those of the mesh are below. */
