@@ -357,7 +357,7 @@ def test_rectangles_stand_for_the_lamps_at_their_middles(node: Node) -> None:
 
 
 def test_a_weak_lamp_stands_where_a_surface_shines(node: Node) -> None:
-    """Of the lamps after the four strongest, one that a surface encloses keeps its place; others light from all around."""
+    """A lamp beyond the four strongest keeps its position if an emissive surface encloses it; the others become ambient light."""
     body = """
         const mesh = (await read("/js/news/mesh-packet.js")).decodeMesh(new Uint8Array(a).buffer, async () => null);
         const { lamps, around } = m.lampsOf(mesh.lamps, false, mesh);

@@ -128,7 +128,7 @@ def test_last_picture_is_requested_at_the_end_of_a_job(node: Node) -> None:
 STEPS = """
     const finishing = new m.Finishing();
     return a.map(([at, is]) => {
-        finishing.update(is, () => 4, at);
+        finishing.update(is, 4, at);
         return [finishing.left(at), finishing.progress(at)].map((n) => n && Number(n.toFixed(2)));
     });"""
 

@@ -24,9 +24,9 @@ class DenoisedPreviews(Denoising):
     """Denoised previews, renewed as samples come.
 
     A frame's first preview is made at once; it is renewed when its samples have grown by GROWTH, below EARLY_SAMPLES samples per
-    pixel by EARLY_GROWTH, since users watch the first minute of a picture: of one that takes 20 s there are six or seven. All
-    renewals together take at most a twentieth of the time of the slots that can denoise, below EARLY_SAMPLES at most a quarter.
-    There a preview is renewed without this limit once its frame has UNRESTED_GROWTH times the samples.
+    pixel by EARLY_GROWTH, since users watch the first minute of a picture. All renewals together take at most a twentieth of the
+    time of the slots that can denoise, below EARLY_SAMPLES at most a quarter. There a preview is renewed without this limit once
+    its frame has UNRESTED_GROWTH times the samples.
     """
 
     _rests_until = 0.0

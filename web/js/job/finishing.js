@@ -23,12 +23,12 @@ export class Finishing {
    * Takes the job's state.
    *
    * @param {boolean} is whether the last denoised picture is still to come
-   * @param {() => number} expected seconds that it takes
+   * @param {number} expected seconds that it takes
    * @param {number} [now] seconds
    */
   update(is, expected, now = performance.now() / 1000) {
     if (!is) this.since = null;
-    else if (this.since === null) [this.since, this.expected] = [now, expected()];
+    else if (this.since === null) [this.since, this.expected] = [now, expected];
   }
 
   /** @param {number} [now] seconds @returns {number | null} seconds until the picture is expected, at least one; null: the job is not finishing */
@@ -45,7 +45,7 @@ export class Finishing {
 }
 
 /**
- * Returns the progress of a job until its last denoised picture, from 0 to 1. It rises with each of its arguments but `denoising`.
+ * Returns the progress of a job until its last denoised picture, from 0 to 1. Increases with every argument except `denoising`.
  *
  * @param {number} rendered progress of its samples
  * @param {number} active seconds for which it has been rendered

@@ -19,7 +19,7 @@ const [BETWEEN, SCATTERED] = [0.15, 0.5];
  * @param {Lamp[]} lamps
  * @param {boolean} isAlone whether nothing else lights the scene
  * @param {MeshPacket} mesh
- * @returns {{lamps: Lamp[], around: Vec3}} lamps: MOST_LAMPS at most, which cast shadows, and then weaker ones that are surfaces of the mesh. around: radiance from all directions
+ * @returns {{lamps: Lamp[], around: Vec3}} lamps: at most MOST_LAMPS that cast shadows, then at most MOST_GLOWS weaker ones inside emissive parts. around: radiance from all directions
  */
 export function lampsOf(lamps, isAlone, mesh) {
   const bright = (/** @type {Lamp} */ { color }) => Math.max(...color);
@@ -29,12 +29,12 @@ export function lampsOf(lamps, isAlone, mesh) {
   const sorted = lamps.toSorted((a, b) => bright(b) - bright(a)).map((lamp) => ({ ...lamp, color: scaled(lamp.color, scale) }));
   const sum = (/** @type {Lamp[]} */ of) => of.reduce((all, { color }) => /** @type {Vec3} */ (all.map((value, i) => value + (color[i] ?? 0))), /** @type {Vec3} */ ([0, 0, 0]));
   const weak = sorted.slice(MOST_LAMPS);
-  const glows = glowing(mesh, weak).slice(0, MOST_GLOWS); // from all around, they would not light what is next to them
+  const glows = glowing(mesh, weak).slice(0, MOST_GLOWS); // as ambient light, they would not light what is next to them
   const [between, others] = [scaled(sum(sorted), isAlone ? BETWEEN * Math.min(1, USUAL / (total * scale || 1)) : 0), scaled(sum(weak.filter((lamp) => !glows.includes(lamp))), SCATTERED)];
   return { lamps: [...sorted.slice(0, MOST_LAMPS), ...glows], around: /** @type {Vec3} */ (between.map((value, i) => value + (others[i] ?? 0))) };
 }
 
-/** Returns the lamps that surfaces of a mesh enclose which shine. @param {MeshPacket} mesh @param {Lamp[]} lamps */
+/** Returns the lamps that lie inside the bounds of an emissive part. @param {MeshPacket} mesh @param {Lamp[]} lamps */
 function glowing(mesh, lamps) {
   if (!lamps.length) return [];
   const boxes = mesh.parts.filter(({ material }) => Math.max(...(mesh.materials[material]?.emission ?? [])) > 0).map((part) => boxOf(mesh, part));

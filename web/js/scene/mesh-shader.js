@@ -8,7 +8,7 @@ import { FAR, MOST_BALLS, NEAR, SIDE } from "./mesh-mirror.js";
 
 /** Lamps that the mesh is shaded by; what the others give comes from all around. */
 export const MOST_LAMPS = 4;
-/** Surfaces that shine more weakly than those, by which it is shaded too, without shadows. */
+/** Weaker lamps inside emissive parts, by which the mesh is shaded too, without shadows. */
 export const MOST_GLOWS = 4;
 const SHADING_LAMPS = MOST_LAMPS + MOST_GLOWS;
 

@@ -161,13 +161,13 @@ function open(page, job, life) {
   /** Shows the job's state: it is finished once its last picture is there, or if it had ended long before the page was opened. */
   const showState = () => {
     isEarlier &&= latest.state === "finished"; // more samples may be added to it
-    finishing.update(latest.denoise === true && latest.state === "finished" && picture.awaitsLast(), () => denoisingAfter(latest));
+    if (latest.progress > 0) denoising ??= denoisingAfter(latest);
+    finishing.update(latest.denoise === true && latest.state === "finished" && picture.awaitsLast(), denoising ?? 0);
     const isFinishing = !isEarlier && finishing.left() !== null;
     const state = isFinishing ? "finishing" : latest.state;
     if (state !== shownState) announce(`${latest.name}: ${stateWord(state)}`);
     shownState = state;
     chip.update(state);
-    if (latest.progress > 0) denoising ??= denoisingAfter(latest);
     const isOver = latest.state === "finished" && !isFinishing;
     line.update(isOver ? 1 : wholeProgress(latest.progress, latest.active_s, denoising ?? 0, finishing.progress()), state);
     progress.tick();
