@@ -392,7 +392,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   });
   const toolBar = h("div", { class: "view-tool-bar" }, hands.buttons, saved.save);
   const looks = h("div", { class: "view-looks" }, hand.element, viewMore(frame, clear.element, denoise.element, hand.curve));
-  const pills = h("div", { class: "view-pills" }, state, meanwhile.steps.isOpen && meanwhile.steps.element, framing.element, hands.hint, standard.element, dark.element);
+  const pills = h("div", { class: "view-pills" }, state, meanwhile.steps.isOpen && meanwhile.steps.element, framing.element, h("div", { class: "view-corner" }, standard.element, hands.hint, others.element), dark.element);
   const stage = viewStage({
     ...{ scene: scene.id, sides, live: film, look: hand.look, names },
     changed(now) {
@@ -405,7 +405,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       hands.tell();
     },
   });
-  frame.append(stage.element, hands.readout, pills, others.element, h("div", { class: "view-floating", role: "toolbar", "aria-label": t("View") }, toolBar, looks));
+  frame.append(stage.element, hands.readout, pills, h("div", { class: "view-floating", role: "toolbar", "aria-label": t("View") }, toolBar, looks));
   hand.look.subscribe((now) => {
     picture.look = now;
     mesh.setLook(now);

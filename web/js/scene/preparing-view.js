@@ -160,7 +160,7 @@ export function preparingView(scene, steps) {
   };
   const waiting = blenderNotice();
   waiting.hidden = true;
-  frame.append(waiting, h("div", { class: "view-pills" }, doing, steps.element, standard.element));
+  frame.append(waiting, h("div", { class: "view-pills" }, doing, steps.element, h("div", { class: "view-corner" }, standard.element)));
   return {
     element: h("div", { class: "live-view-box" }, frame),
     /** @param {Scene} next @param {string} step in words */
