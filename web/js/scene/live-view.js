@@ -174,7 +174,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
   const invisible = () => invisibleWords(scene, bounds() !== null);
   const framing = frameHand(scene, { view: form.view, aspect, bounds, turn: (view) => turn(view) });
-  const standard = sideHand({ view: form.view, side: (name) => (instead.isOpen && !instead.hasLive ? null : form.side(name)), turn: (view) => turn(view) });
+  const standard = sideHand({ view: form.view, side: (name) => ((instead.isOpen && !instead.hasLive) || invisible() ? null : form.side(name)), turn: (view) => turn(view) });
   const dark = darknessNotice({
     film: () => film.film,
     look: hand.look,

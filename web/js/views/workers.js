@@ -34,7 +34,7 @@ export function workersView() {
   setTitle(t("Workers"));
   const life = new Disposer();
   const summary = h("p", { class: "quiet number summary" });
-  const terms = h("p", { class: "quiet small" }, t("A worker is a machine, or the graphics cards of one. Its slots work side by side, each on a piece of a picture, a live view or a scene; by default it has one per processor core, or per card."));
+  const terms = h("p", { class: "quiet small summary-terms" }, t("A worker is a machine, or the graphics cards of one. Its slots work side by side, each on a piece of a picture, a live view or a scene; by default it has one per processor core, or per card."));
   const list = h("ul", { class: "machines" });
   const empty = h("div", null);
   const hereCommand = h("div", null);
