@@ -43,7 +43,13 @@ def up(
         str, typer.Option(help="Address to listen on; 0.0.0.0 lets other machines open the page and join as workers.")
     ] = "127.0.0.1",
     workers: Annotated[
-        int | None, typer.Option("--workers", "--slots", min=0, help="Worker slots; by default one per core. 0: none here.")
+        int | None,
+        typer.Option(
+            *("--workers", "--slots"),
+            min=0,
+            help="Slots of this machine's worker: how many pieces of pictures it renders side by side; by default one per core. "
+            "0: no worker here.",
+        ),
     ] = None,
     gpu: WorkerCards = "auto",
     data: Annotated[

@@ -101,6 +101,8 @@ def test_scene_without_area_says_so_once_on_its_page_and_card(farm: Farm, watche
     expect(dark.get_by_role("button")).to_have_count(0)
     expect(page.get_by_text("The file's camera sees nothing")).to_be_hidden()
     expect(page.get_by_text("The picture will show nothing of the file.")).to_be_visible()
+    expect(page.get_by_role("button", name="Render", exact=True)).not_to_have_class(re.compile(r"\bprimary\b"))
+    expect(page.get_by_role("group", name="Sides")).to_be_hidden()
     page.goto(f"{farm.url}/#/")
     word = page.locator(".card", has_text="flat").get_by_text("Nothing visible")
     expect(word).to_have_attribute("title", re.compile(said), timeout=60_000)

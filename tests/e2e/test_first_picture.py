@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from playwright.sync_api import expect
 
@@ -13,6 +15,7 @@ from tests.helpers import Farm
 # withoutSteps: a scene that waits for a worker has steps, but no current one.
 # early: WebGL contexts created before the scene's page had been drawn.
 WATCH = """(() => {
+  window.said = new Set();
   const seen = (window.seen = { frames: 0, faded: 0, withoutSteps: 0, silent: 0, early: 0 });
   let drawn = -1;
   let isOver = false;
@@ -35,6 +38,7 @@ WATCH = """(() => {
         seen.frames++;
         if (!document.querySelector(".steps li")) seen.withoutSteps++;
         if (state && !state.textContent) seen.silent++;
+        said.add(state?.textContent ?? "");
       }
     }
     requestAnimationFrame(look);
@@ -52,11 +56,52 @@ def test_steps_are_seen_from_first_frame_of_scene_page_until_its_picture(farm: F
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Choose files").click()
     chooser.value.set_files([{"name": "cube.glb", "mimeType": "model/gltf-binary", "buffer": small_glb("first picture")}])
-    steps = page.locator(".view-pills > .steps")
-    expect(steps.get_by_text("Upload")).to_be_visible()
+    steps = page.locator(".view-pills > .view-steps")
+    expect(steps.get_by_text("Upload")).to_be_attached()
     expect(steps).to_have_count(0, timeout=90_000)
     expect(page.locator(".live-view canvas").last).to_be_attached()
     seen = page.evaluate("seen")
     assert seen["frames"] > 0
     assert seen == {"frames": seen["frames"], "faded": 0, "withoutSteps": 0, "silent": 0, "early": 0}
+    words = page.evaluate("[...said]")
+    assert any(each.startswith("Preview, rendering") for each in words), words  # as the list of steps is folded
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_mesh_before_samples_leaves_steps_to_line_and_shows_standard_views(farm: Farm, watched: Watched) -> None:
+    """Once the mesh is seen, the steps are folded behind a button; a button or a key turns the view to a side."""
+    page = watched.page
+    page.route_web_socket("**/viewport", lambda socket: None)  # keeps samples from arriving
+    page.goto(farm.url)
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Choose files").click()
+    chooser.value.set_files([{"name": "cube.glb", "mimeType": "model/gltf-binary", "buffer": small_glb("standard views")}])
+    steps = page.locator(".view-pills > .view-steps")
+    expect(page.locator(".view-tool-bar")).to_be_visible(timeout=60_000)
+    expect(steps.locator("summary")).to_be_visible(timeout=60_000)
+    expect(steps.get_by_text("Upload")).to_be_hidden()
+    steps.locator("summary").press("Enter")
+    expect(steps.get_by_text("Upload")).to_be_visible()
+    expect(page.get_by_role("button", name="Render", exact=True)).to_have_class(re.compile(r"\bprimary\b"))
+
+    sides = page.get_by_role("group", name="Sides")
+    camera = page.get_by_label("Camera", exact=True).locator("option:checked")
+    pressed = sides.locator("[aria-pressed=true]")
+    expect(pressed).to_have_count(0)
+    sides.get_by_role("button", name="From the back").click()
+    expect(camera).to_have_text("From the back")
+    expect(pressed).to_have_accessible_name("From the back")
+    for key, name in (("1", "From the front"), ("Shift+Digit3", "From the left"), ("7", "From above")):
+        page.keyboard.press(key)
+        expect(camera).to_have_text(name)
+        expect(pressed).to_have_accessible_name(name)
+    page.locator(".live-view").focus()
+    page.keyboard.press("ArrowLeft")
+    expect(pressed).to_have_count(0)
+    expect(camera).to_have_text("Custom view …")
+    page.keyboard.press("3")
+    expect(page).to_have_url(re.compile(r"\bview="))
+    page.reload()
+    expect(pressed).to_have_accessible_name("From the right")
     assert watched.errors == []

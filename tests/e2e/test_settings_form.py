@@ -359,7 +359,7 @@ def test_changed_fields_are_requested(page: Page) -> None:
     assert asked["view"]["focus"] is None
     assert "camera" not in asked
     assert (asked["light_samples"], asked["filter"]) == (4, "tent")
-    assert asked["environment"] == {"sky": {"elevation": 36, "azimuth": 110}}
+    assert asked["environment"] == {"sky": {"elevation": 51, "azimuth": 110}}
     settings.View.from_json(asked["view"])
 
 

@@ -16,7 +16,8 @@ import { t } from "../base/words.js";
  * @property {HTMLDetailsElement} lens
  * @property {() => Pick<JobRequest, "camera" | "view">} get
  * @property {() => View} view the complete selected view
- * @property {(view: View) => void} turn to a view of the user's own, or that of a camera, which is chosen then
+ * @property {(view: View) => void} turn to a view of the user's own, or that of a camera or side, which is chosen then
+ * @property {(side: string) => View | null} side returns the view that frames the scene from a side; null while its extent is unknown
  * @property {(camera: string | number) => void} choose a camera of the scene, by its name or number
  * @property {(view: View) => void} move the chosen camera, which stays chosen: its scene has moved
  * @property {(distance: number) => void} focus at this distance along the line of sight
@@ -46,8 +47,13 @@ export function cameraFields({ cameras }, projected, bounds) {
   const home = homeCamera(cameras);
   camera.value = String(home);
   const view = viewFields(cameras[home]?.view, projected);
-  /** The cameras' views as the fields have them, by number, of those that were chosen. */
-  const chosenViews = new Map([[home, JSON.stringify(view.get())]]);
+  /** The views of chosen cameras and sides as the fields have them, by the values of their options. */
+  const chosenViews = new Map([[String(home), JSON.stringify(view.get())]]);
+  /** @param {string} name */
+  const side = (name) => {
+    const [corners, up] = [bounds(), cameras.at(-1)?.view.up];
+    return corners && up ? sideView(name, corners, up) : null;
+  };
   const note = h("p", { class: "quiet small stand-in" }, t("The file's camera sees nothing, so the automatic one is used."));
   const show = () => {
     view.place.hidden = camera.value !== OWN_VIEW;
@@ -56,17 +62,16 @@ export function cameraFields({ cameras }, projected, bounds) {
   camera.addEventListener("change", () => {
     show();
     if (!view.place.hidden) view.place.open = true; // chosen here, it is typed; a turned view seldom is
-    const chosen = cameras[Number(camera.value)]; // undefined for a custom view
-    if (chosen) {
-      view.set(chosen.view); // the starting point of a custom view
-      chosenViews.set(Number(camera.value), JSON.stringify(view.get()));
-    }
-    if (!camera.value.startsWith(OF_SIDE)) return;
-    const [corners, up] = [bounds(), cameras.at(-1)?.view.up];
-    const side = corners && up && sideView(camera.value.slice(OF_SIDE.length), corners, up);
-    if (side) view.set(side);
+    const isSide = camera.value.startsWith(OF_SIDE);
+    const chosen = isSide ? side(camera.value.slice(OF_SIDE.length)) : cameras[Number(camera.value)]?.view;
+    if (chosen) choose(camera.value, chosen);
   });
   show();
+  /** Shows a camera's or side's view in the fields, from which a custom view starts. @param {string} option its value @param {View} of */
+  const choose = (option, of) => {
+    view.set(of);
+    chosenViews.set(option, JSON.stringify(view.get()));
+  };
   return {
     elements: [field(t("Camera"), camera), note, view.place],
     lens: view.lens,
@@ -74,11 +79,14 @@ export function cameraFields({ cameras }, projected, bounds) {
     view: view.get,
     turn(to) {
       const text = JSON.stringify(to);
-      const number = cameras.findIndex(({ view: own }, i) => text === JSON.stringify(own) || text === chosenViews.get(i));
-      camera.value = number < 0 ? OWN_VIEW : String(number);
-      view.set(to);
+      const number = cameras.findIndex(({ view: own }, i) => text === JSON.stringify(own) || text === chosenViews.get(String(i)));
+      const ofSide = number < 0 && Object.keys(SIDES).find((name) => text === JSON.stringify(side(name)) || text === chosenViews.get(OF_SIDE + name));
+      camera.value = number >= 0 ? String(number) : ofSide ? OF_SIDE + ofSide : OWN_VIEW;
+      if (ofSide) choose(camera.value, to);
+      else view.set(to);
       show();
     },
+    side,
     choose(wanted) {
       const number = cameras.findIndex(({ name }, i) => i === wanted || name === wanted);
       if (number < 0) return;

@@ -38,6 +38,8 @@ const ALWAYS = [
 const STAND_IN = { id: "own", face: "soft", label: t("Default"), help: t("The file has no light, so a soft studio light stands in.") };
 /** @type {Light} */
 const SKY = { id: "sky", label: t("Clear sky"), help: t("A clear day, with the sun where you put it.") };
+/** The sun of a clear sky that is chosen without one, in degrees: high, since the light of a low one is yellow. */
+export const DAY = { elevation: 50, azimuth: 120 };
 const NOON = "noon";
 /** The lights of the first row. */
 const FIRST = ["own", "studio", "overcast", "sky"];
@@ -58,7 +60,7 @@ export function environmentFields(first, isLightless, scene = "") {
   const before = first.light ?? {};
   const shown = environment ? hexOf(environment) : "#ffffff";
   const colour = h("input", { type: "color", value: shown });
-  const sun = { elevation: before.sky?.elevation ?? 35, azimuth: before.sky?.azimuth ?? 120 };
+  const sun = { elevation: before.sky?.elevation ?? DAY.elevation, azimuth: before.sky?.azimuth ?? DAY.azimuth };
   const elevation = numberInput({ value: sun.elevation, min: 0, max: 90, step: "any" });
   const azimuth = numberInput({ value: sun.azimuth, min: -360, max: 360, step: "any" });
   const numbers = known()

@@ -1,6 +1,6 @@
 /** The field of one setting: a choice, names, a number, or a grey for a colour. */
 
-import { choiceField, field, freshId, numberInput, setTip } from "./fields.js";
+import { choiceField, field, numberInput, setTip } from "./fields.js";
 import { addReset } from "./reset.js";
 import { h } from "../base/dom.js";
 import { addSlider } from "./slider.js";
@@ -68,9 +68,8 @@ function withTip(element, input, { help }) {
  */
 export function groupsField(setting, start, changed, _own, groups) {
   const input = h("input", { type: "checkbox", role: "switch", checked: Boolean(start), onchange: changed });
-  const hint = h("p", { class: "hint", id: freshId("groups") }, t("Lights can be mixed after rendering: {groups}.", { groups: groups.join(", ") }));
-  input.setAttribute("aria-describedby", hint.id);
-  const element = h("div", { class: "field" }, h("label", { class: "check" }, input, setting.label), hint);
+  const element = h("label", { class: "check" }, input, t("Lights separately"));
+  setTip(element, input, t("The brightness and colour of each light can be changed after rendering: {groups}.", { groups: groups.join(", ") }));
   const names = start || groups.slice(0, MOST_GROUPS).join(",");
   return { setting, element, get: () => (input.checked ? names : "") };
 }

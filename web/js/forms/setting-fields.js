@@ -26,7 +26,7 @@ const SIZE = ["width", "height"];
  * @param {string[]} [groups] the scene's light groups
  * @param {boolean} [isLightless] whether a studio light stands in for the scene's own
  * @param {string} [scene] its id
- * @returns {{light: HTMLElement, basic: HTMLElement[], advanced: HTMLElement[], get: () => Partial<JobRequest>, lightHandle: import("./environment-fields.js").LightHandle, dispose: () => void}}
+ * @returns {{light: HTMLElement, basic: HTMLElement[], groups: HTMLElement | undefined, advanced: HTMLElement[], get: () => Partial<JobRequest>, lightHandle: import("./environment-fields.js").LightHandle, dispose: () => void}}
  */
 export function settingFields(defaults, first = {}, groups = [], isLightless = false, scene = "") {
   /** @param {Setting} setting what a request that leaves it out gets */
@@ -38,6 +38,7 @@ export function settingFields(defaults, first = {}, groups = [], isLightless = f
     .map((setting) => fieldOf(setting)(setting, first[setting.name] ?? own(setting), () => show(), own(setting), groups));
   const ends = ["noise", "seconds"].map((name) => settingField(settingOf("work", name), first[name] ?? null));
   const environment = environmentFields(first, isLightless, scene);
+  const isGroups = (/** @type {SettingField} */ { setting }) => setting.name === "light_groups"; // which is beside the switch that denoises
   const integrator = /** @type {SettingField} */ (fields.find(({ setting }) => setting.name === "integrator"));
   const show = () => {
     for (const { setting, element } of fields) setShown(element, isRead(setting, integrator.get()));
@@ -51,13 +52,14 @@ export function settingFields(defaults, first = {}, groups = [], isLightless = f
       section,
       elements(
         "advanced",
-        fields.filter(({ setting }) => setting.section === section),
+        fields.filter((field) => field.setting.section === section && !isGroups(field)),
       ),
     ),
   );
   return {
     light: environment.element,
     basic: elements("basic"),
+    groups: fields.find(isGroups)?.element,
     dispose: environment.dispose,
     lightHandle: environment.handle,
     // Settings of the group "lab" have no field: they compare what renderers do, by the API and in files.

@@ -9,13 +9,18 @@ import { t } from "../base/words.js";
 /** Elevation from which a scene is seen from above, in radians: straight down, the camera could not be turned about the vertical. */
 const ABOVE = (89 * Math.PI) / 180;
 
-/** Directions to the camera, as parts of the scene's front, right and up. @type {Record<string, {label: string, towards: Vec3}>} */
+/**
+ * Directions to the camera, as parts of the scene's front, right and up. short: the label of a small button, which css/view-tools.css capitalises. key: as on Blender's number
+ * pad, with Shift for its Ctrl.
+ *
+ * @type {Record<string, {label: string, short: string, key: string, towards: Vec3}>}
+ */
 export const SIDES = {
-  front: { label: t("From the front"), towards: [1, 0, 0] },
-  back: { label: t("From the back"), towards: [-1, 0, 0] },
-  left: { label: t("From the left"), towards: [0, -1, 0] },
-  right: { label: t("From the right"), towards: [0, 1, 0] },
-  top: { label: t("From above"), towards: [Math.cos(ABOVE), 0, Math.sin(ABOVE)] },
+  front: { label: t("From the front"), short: t("front"), key: "1", towards: [1, 0, 0] },
+  back: { label: t("From the back"), short: t("back"), key: "Shift+1", towards: [-1, 0, 0] },
+  left: { label: t("From the left"), short: t("left"), key: "Shift+3", towards: [0, -1, 0] },
+  right: { label: t("From the right"), short: t("right"), key: "3", towards: [0, 1, 0] },
+  top: { label: t("From above"), short: t("top"), key: "7", towards: [Math.cos(ABOVE), 0, Math.sin(ABOVE)] },
 };
 
 /**

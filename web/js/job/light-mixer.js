@@ -135,7 +135,7 @@ function withoutGroups(latest, life, renderWith) {
   const price = h("p", { class: "quiet small" });
   const tellPrice = () => {
     const { state, active_s: seconds, taken } = latest();
-    const compiles = t("The first time, compiling takes about half a minute more.");
+    const compiles = t("The first picture with separate lights takes about half a minute longer.");
     setText(price, state === "finished" && !taken && seconds >= 1 ? `${t("Takes {time}, as this picture did.", { time: roughly(seconds) })} ${compiles}` : compiles);
   };
   life.every(1000, tellPrice);

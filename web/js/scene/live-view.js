@@ -24,6 +24,7 @@ import { takeMesh } from "./mesh-relay.js";
 import { mayBeInView } from "./in-view.js";
 import { people } from "./people.js";
 import { invisibleWords } from "./scene-notices.js";
+import { sideHand } from "./side-hand.js";
 import { LIVE } from "./sides.js";
 import { takes } from "./takes.js";
 import { projectionOf } from "./projection.js";
@@ -113,17 +114,22 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   }
   const frame = h("div", { class: "live-view-frame" }, surface);
   const state = h("p", { class: "small quiet number view-state", role: "status", "aria-live": "off" });
-  /** @param {string} sentence @param {boolean} [aloud] by a screen reader: its end, and not each sample on the way */
-  const say = (sentence, aloud = true) => {
-    if (!sentence && !isSeen) sentence = PREPARING;
+  /** What the pill says, where it matters later. @type {"" | "preparing" | "waiting" | "nothing"} */
+  let told = "";
+  /** @param {string} sentence @param {boolean} [aloud] by a screen reader: its end, and not each sample on the way @param {typeof told} [is] */
+  const say = (sentence, aloud = true, is = "") => {
+    told = sentence || isSeen ? is : "preparing";
+    if (told === "preparing") sentence = meanwhile.steps.line || PREPARING;
     state.setAttribute("aria-live", aloud ? "polite" : "off");
     setText(state, sentence);
   };
   /** Whether a picture of the view is seen. */
   let isSeen = false;
-  /** Ends the steps of an upload once the view's own picture is seen. */
+  /** Folds the steps of an upload once the view shows the scene, and ends them once its own picture is seen. */
   const followCover = () => {
-    if (isSeen || !cover.isSampled || cover.isHeld) return;
+    if (isSeen) return;
+    if (cover.shown !== "nothing" && meanwhile.steps.fold() && told === "preparing") say("", false);
+    if (!cover.isSampled || cover.isHeld) return;
     isSeen = true;
     meanwhile.steps.end();
   };
@@ -156,7 +162,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const cover = new Cover(
     scene,
     known ? { url: known, nearest: "", isFinished: true, isSame: true, isClear: true, steps: meanwhile.steps } : { ...meanwhile, isSame: meanwhile.isSame && isDenoised },
-    { surface, canvas, picture, mesh, view: form.view, laid: () => (warnEarly(), exposePreview()), willBeDenoised: () => denoise.isOn() && form.request().background !== "transparent" }, // the denoiser makes no alpha
+    { surface, canvas, picture, mesh, view: form.view, laid: () => (followCover(), warnEarly(), exposePreview()), willBeDenoised: () => denoise.isOn() && form.request().background !== "transparent" }, // the denoiser makes no alpha
   );
   const hand = exposureHand(() => film.film);
   const aspect = () => (request().width ?? 1) / (request().height ?? 1);
@@ -168,6 +174,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
   const invisible = () => invisibleWords(scene, bounds() !== null);
   const framing = frameHand(scene, { view: form.view, aspect, bounds, turn: (view) => turn(view) });
+  const standard = sideHand({ view: form.view, side: (name) => ((instead.isOpen && !instead.hasLive) || invisible() ? null : form.side(name)), turn: (view) => turn(view) });
   const dark = darknessNotice({
     film: () => film.film,
     look: hand.look,
@@ -231,7 +238,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     dark.look(brightness);
   };
   const sampled = () => {
-    if (cover.sampled() && state.textContent === clarity(0, null, false, false)) say("", false); // the counts come with the next message
+    if (cover.sampled() && told === "waiting") say("", false); // the counts come with the next message
     followCover();
     picture.invalidate();
   };
@@ -290,7 +297,9 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
         const isRough = !cover.isInstead && denoised && !spp; // a small picture
         if (counted.id !== id) counted = { id, n: 0 };
         if (!cover.isInstead) counted.n = Math.max(counted.n, spp); // a denoised picture may have fewer than the noise had before it
-        say(invisible() ? nothingWords : cover.isInstead ? previewWords(done, cover.isOtherLight) : isRough ? roughWords : clarity(counted.n, noise, done, denoised), done);
+        if (invisible()) say(nothingWords, done, "nothing");
+        else if (cover.isInstead) say((!done && !cover.isOtherLight && meanwhile.steps.line) || previewWords(done, cover.isOtherLight), done);
+        else say(isRough ? roughWords : clarity(counted.n, noise, done, denoised), done, counted.n ? "" : "waiting");
       }
       state.title = done ? "" : [progressWords(mean, noise), tn(slots, "{n} slot", "{n} slots")].filter(Boolean).join(", ");
     },
@@ -325,12 +334,14 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       canvas.classList.toggle("outdated", isOutdated());
     }
     cover.follow();
-    if (invisible()) say(nothingWords);
-    else if (state.textContent === nothingWords) say(""); // another variant or frame shows something
+    followCover();
+    if (invisible()) say(nothingWords, true, "nothing");
+    else if (told === "nothing") say(""); // another variant or frame shows something
     else if (isSeen && cover.isInstead) say(previewWords(false, cover.isOtherLight), false); // the counts were of the view before
     warnEarly();
     exposePreview();
     framing.update();
+    standard.update();
     others.changed();
     saved.changed();
     hands.update();
@@ -381,7 +392,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   });
   const toolBar = h("div", { class: "view-tool-bar" }, hands.buttons, saved.save);
   const looks = h("div", { class: "view-looks" }, hand.element, viewMore(frame, clear.element, denoise.element, hand.curve));
-  const pills = h("div", { class: "view-pills" }, state, framing.element, hands.hint, dark.element, meanwhile.steps.isOpen && meanwhile.steps.element);
+  const pills = h("div", { class: "view-pills" }, state, meanwhile.steps.isOpen && meanwhile.steps.element, framing.element, h("div", { class: "view-corner" }, standard.element, hands.hint, others.element), dark.element);
   const stage = viewStage({
     ...{ scene: scene.id, sides, live: film, look: hand.look, names },
     changed(now) {
@@ -389,11 +400,12 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       surface.hidden = now.isOpen;
       state.hidden = clear.element.hidden = toolBar.hidden = hands.hint.hidden = now.isOpen && !now.hasLive;
       link.rest(state.hidden);
+      standard.update();
       hands.update();
       hands.tell();
     },
   });
-  frame.append(stage.element, hands.readout, pills, others.element, h("div", { class: "view-floating", role: "toolbar", "aria-label": t("View") }, toolBar, looks));
+  frame.append(stage.element, hands.readout, pills, h("div", { class: "view-floating", role: "toolbar", "aria-label": t("View") }, toolBar, looks));
   hand.look.subscribe((now) => {
     picture.look = now;
     mesh.setLook(now);
@@ -434,7 +446,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       keepClear();
       removeEventListener("pagehide", keepClear);
       resizing.disconnect();
-      for (const each of [dark, stage, framing, hands, others, denoise, saved]) each.dispose();
+      for (const each of [dark, stage, framing, standard, hands, others, denoise, saved]) each.dispose();
       endPart();
       link.close();
       cover.dispose();

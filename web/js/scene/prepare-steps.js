@@ -16,6 +16,9 @@ export const STEPS = /** @type {const} */ (["upload", "read", "build", "compile"
 /** @type {Record<Step, string>} */
 const LABELS = { upload: t("Upload"), read: t("Read"), build: t("Build"), compile: t("Compile renderer"), render: t("Render"), denoise: t("Denoise") };
 
+/** What a step does, where the list is folded into a line. @type {Record<Step, string>} */
+const DOING = { upload: t("Uploading …"), read: t("Reading …"), build: t("Building …"), compile: t("Compiling the renderer, about half a minute …"), render: t("Preview, rendering …"), denoise: t("Preview, denoising …") };
+
 /** Fractions of a preparation from which a scene is built, and rendered (worker/reading/prepare.py). */
 const [BUILT_FROM, RENDERED_FROM] = [0.3, 0.85];
 
@@ -61,7 +64,8 @@ export class StepTimes {
 export const secondsText = (seconds) => t("{n} s", { n: seconds < 10 ? seconds.toFixed(1) : Math.round(seconds) });
 
 /**
- * The list of the steps, over the view from the upload until the first picture.
+ * The list of the steps, over the view from the upload until the first picture. Once the view shows the scene, the list is folded behind a
+ * small button, and the view says the present step in a line.
  *
  * @param {string} scene its id
  */
@@ -70,7 +74,11 @@ export function prepareSteps(scene) {
   let isOver = false;
   /** What rendering is doing, and whether the picture is denoised after it. */
   let [doing, isSentence, isDenoised] = ["", false, isViewDenoised()];
+  /** The samples of the picture so far, and those that it needs to be shown. */
+  let [sampled, needed] = [0, 0];
   const list = h("ol", { class: "steps small number" });
+  const element = h("details", { class: "view-steps", open: true }, h("summary", { title: t("Steps to the first picture"), "aria-label": t("Steps to the first picture") }, icon("down")), list);
+  let isFolded = false;
   const now = () => performance.now() / 1000;
   const tick = () => {
     const at = times.step ? STEPS.indexOf(times.step) : 0;
@@ -94,8 +102,21 @@ export function prepareSteps(scene) {
     fill(list, ...STEPS.map(row));
   };
   return {
-    element: list,
+    element,
     tick,
+    /** Folds the list, once the view shows the scene. Returns false if it was folded before. */
+    fold() {
+      if (isFolded) return false;
+      isFolded = true;
+      element.classList.add("folded");
+      element.open = false;
+      return true;
+    },
+    /** The present step as a line in place of the folded list; "": the list says it, or is over. */
+    get line() {
+      if (isOver || !isFolded || !times.step) return "";
+      return times.step === "render" && sampled ? t("Preview, rendering {n} of {all}", { n: sampled, all: needed }) : DOING[times.step];
+    },
     /** @param {Scene} next */
     update(next) {
       times.put(stepOf(next), now());
@@ -124,6 +145,7 @@ export function prepareSteps(scene) {
      */
     follow(samples, all, message, denoises) {
       const n = Math.min(Math.round(samples), all);
+      [sampled, needed] = [n, all];
       doing = message || t("{n} of {all} samples", { n, all });
       isSentence = message !== "";
       isDenoised = denoises;
@@ -133,7 +155,7 @@ export function prepareSteps(scene) {
     end() {
       isOver = true;
       uploadSeconds.delete(scene);
-      list.remove();
+      element.remove();
     },
   };
 }

@@ -6,6 +6,7 @@
 import { h, setText } from "../base/dom.js";
 import { t } from "../base/words.js";
 import { homeCamera } from "../forms/camera-fields.js";
+import { sideView } from "../forms/side-views.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
 import { PREPARING } from "./clarity.js";
@@ -13,6 +14,7 @@ import { beginView, passMesh, takeMesh } from "./mesh-relay.js";
 import { lookAt } from "./orbit.js";
 import { blenderNotice, waitsForBlender } from "./scene-notices.js";
 import { keepTurned, meshOf } from "./preview-mesh.js";
+import { sideHand } from "./side-hand.js";
 import { viewHand } from "./view-hand.js";
 import { shapeView } from "./view-request.js";
 
@@ -21,6 +23,8 @@ import { shapeView } from "./view-request.js";
 /** @typedef {import("../base/types.js").View} View */
 
 const [WIDTH, HEIGHT] = [1280, 720];
+/** Up in a mesh that this page has read. @type {Vec3} */
+const UP = [0, 1, 0];
 /** Duration of the way from one camera to another, in milliseconds. */
 const GLIDE_MS = 300;
 
@@ -32,7 +36,7 @@ function between(from, to, share) {
 
 /**
  * @param {Scene} scene
- * @param {HTMLElement} steps of the preparation, shown over the view
+ * @param {{element: HTMLElement, line: string, fold: () => boolean}} steps of the preparation, shown over the view
  * @returns {{element: HTMLElement, update: (scene: Scene, step: string) => void, dispose: () => void}}
  */
 export function preparingView(scene, steps) {
@@ -57,8 +61,17 @@ export function preparingView(scene, steps) {
   /** @type {View | null} */
   let view = null;
   /** What is done until there is something to see. */
-  const doing = h("p", { "aria-hidden": "true" }); // the list of steps is read out
-  const hasPicture = () => Boolean(mesh?.mesh) || picture !== undefined;
+  const doing = h("p", { class: "small", "aria-hidden": "true" }); // the list of steps is read out
+  /** Whether the view shows the scene. */
+  let isSeen = picture !== undefined;
+  if (isSeen) steps.fold();
+  let words = "";
+  const say = () => setText(doing, waiting.hidden ? (isSeen ? steps.line : words || PREPARING) : "");
+  const seen = () => {
+    isSeen = true;
+    steps.fold();
+    say();
+  };
   let isTurned = false;
   let isAsked = false;
   let letGo = () => {};
@@ -73,6 +86,7 @@ export function preparingView(scene, steps) {
       mesh.setView(next);
     }
     keepTurned(scene.id, next);
+    standard.update();
   };
   let gliding = 0;
   /** Moves the camera to where the service places it, which may differ a little from where this page did. @param {View} to */
@@ -89,8 +103,14 @@ export function preparingView(scene, steps) {
     };
     step();
   };
+  /** Corners of the scene, once they are known. @type {[Vec3, Vec3] | null} */
+  let corners = null;
+  const standard = sideHand({ view: () => view, side: (name) => corners && sideView(name, corners, latest.cameras.at(-1)?.view.up ?? UP), turn: (next) => turn(next) });
+  standard.update();
   /** @param {View} first @param {Vec3} low @param {Vec3} high corners of the scene */
   const follow = (first, low, high) => {
+    corners = [low, high];
+    standard.update();
     if (!isTurned) glide(first);
     letGo();
     letGo = viewHand(surface, {
@@ -115,7 +135,7 @@ export function preparingView(scene, steps) {
       const { packet, view: first } = local;
       taken.floor ||= "auto"; // what an upload without lights gets
       taken.setMesh(packet);
-      doing.textContent = "";
+      void taken.ready.then(seen);
       follow(first, packet.low, packet.high);
     });
     showPreview(taken);
@@ -133,26 +153,28 @@ export function preparingView(scene, steps) {
     meshOf(id).then(
       (packet) => {
         if (isOpen && on.mesh !== packet) on.setMesh(packet);
-        doing.textContent = "";
+        void on.ready.then(seen);
       },
       () => {}, // the list of steps shows the progress
     );
   };
   const waiting = blenderNotice();
   waiting.hidden = true;
-  frame.append(waiting, h("div", { class: "view-pills" }, doing, steps));
+  frame.append(waiting, h("div", { class: "view-pills" }, doing, steps.element, h("div", { class: "view-corner" }, standard.element)));
   return {
     element: h("div", { class: "live-view-box" }, frame),
     /** @param {Scene} next @param {string} step in words */
     update(next, step) {
       waiting.hidden = !waitsForBlender(next);
-      setText(doing, hasPicture() || !waiting.hidden ? "" : step || PREPARING);
+      words = step;
+      say();
       latest = next;
       if (mesh) showPreview(mesh);
     },
     dispose() {
       isOpen = false;
       letGo();
+      standard.dispose();
       if (mesh) passMesh(scene.id, mesh);
     },
   };

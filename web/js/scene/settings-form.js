@@ -36,7 +36,8 @@ const LONG_S = 600;
  * @property {() => void} update the farm's speed may have changed
  * @property {() => JobRequest} request as the form is now
  * @property {() => import("../base/types.js").View} view
- * @property {(view: import("../base/types.js").View) => void} turn to a view of the user's own
+ * @property {(view: import("../base/types.js").View) => void} turn to a view of the user's own, or of a camera or side
+ * @property {(side: string) => import("../base/types.js").View | null} side returns the view that frames the scene from a side (forms/side-views.js)
  * @property {(start: FormStart) => void} restore shows other settings; goals of quality and the queue stay
  * @property {(distance: number) => void} focus
  * @property {(cost: number) => void} measure the live view has measured the seconds of a slot for a sample
@@ -146,7 +147,7 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     const first = file && cameraField ? h("div", { class: "pairs of-file" }, file, cameraField) : cameraField;
     const fields = [ofCamera, variant.elements, shot.elements, others.light, stand.elements, size.elements, quality.elements];
     fill(advanced, camera.lens, others.basic, others.advanced, queue.element, program.element);
-    fill(element, first, fields.flat(), denoise, fold, bottom);
+    fill(element, first, fields.flat(), h("div", { class: "row wraps" }, denoise, others.groups), fold, bottom);
     update();
   };
   for (const type of ["input", "change"]) element.addEventListener(type, program.update);
@@ -157,6 +158,7 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     request,
     view: () => parts.camera.view(),
     turn: (view) => (parts.camera.turn(view), program.update()),
+    side: (name) => parts.camera.side(name),
     restore(next) {
       const { others } = parts;
       parts = build(next);
@@ -173,6 +175,7 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     setCaution(words, remedy) {
       if (words === caution.words) return;
       caution = { words, remedy };
+      render.classList.toggle("primary", !words); // what it would render is not worth the emphasis
       fill(estimate, words, remedy && " ", remedy && h("button", { class: "text-button", type: "button", onclick: remedy.run }, remedy.word));
       update();
     },

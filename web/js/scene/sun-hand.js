@@ -1,5 +1,6 @@
 /** The sun tool: a click puts the sun into the sky there, or such that its highlight is on the clicked surface. */
 
+import { DAY } from "../forms/environment-fields.js";
 import { sunFor } from "./light-math.js";
 import { t } from "../base/words.js";
 
@@ -76,7 +77,7 @@ export function sunHand(surface, light, pick, tell) {
       const step = event.shiftKey ? 10 : 1;
       const by = { ArrowUp: [step, 0], ArrowDown: [-step, 0], ArrowLeft: [0, -step], ArrowRight: [0, step] }[event.key];
       if (!by || event.ctrlKey || event.metaKey || event.altKey) return false;
-      const { elevation, azimuth } = light.sun() ?? { elevation: 35, azimuth: 120 };
+      const { elevation, azimuth } = light.sun() ?? DAY;
       place({ ...{ x: 0, y: 0, depth: null, position: null, normal: null }, direction: towards(elevation + (by[0] ?? 0), azimuth + (by[1] ?? 0)) });
       return true;
     },

@@ -147,9 +147,9 @@ function outline(scene, life, steps) {
   const pills = h(
     "div",
     { class: "view-pills" },
-    h("p", { class: "small view-state" }, PREPARING),
-    nothing && h("div", { class: "view-dark" }, h("span", null, nothing)),
+    h("p", { class: "small view-state" }, steps.line || PREPARING),
     steps.isOpen && steps.element,
+    nothing && h("div", { class: "view-dark" }, h("span", null, nothing)),
   );
   const frame = h("div", { class: "live-view-frame" }, surface, pills);
   shapeView(frame, (defaults["width"] ?? 16) / (defaults["height"] ?? 9));
@@ -175,7 +175,7 @@ function preparing(page, scene, life, steps) {
   const step = h("p", { class: "quiet small", "aria-live": "polite" });
   const bar = progressBar(t("Preparing"));
   const notice = h("div", { class: "notice-slot" });
-  const view = preparingView(scene, steps.element);
+  const view = preparingView(scene, steps);
   const status = h("section", { class: "preparing-panel", "aria-label": t("Preparing") }, chip.element, bar.element, step);
   page.classList.add("workspace");
   life.add(() => page.classList.remove("workspace"));

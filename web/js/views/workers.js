@@ -33,7 +33,8 @@ function fetchUnknown(all) {
 export function workersView() {
   setTitle(t("Workers"));
   const life = new Disposer();
-  const summary = h("p", { class: "quiet number summary", title: t("A slot works on one thing at a time: a piece of a picture, a live view, a scene. By default a worker has one per processor core.") });
+  const summary = h("p", { class: "quiet number summary" });
+  const terms = h("p", { class: "quiet small summary-terms" }, t("A worker is a machine, or the graphics cards of one. Its slots work side by side, each on a piece of a picture, a live view or a scene; by default it has one per processor core, or per card."));
   const list = h("ul", { class: "machines" });
   const empty = h("div", null);
   const hereCommand = h("div", null);
@@ -54,7 +55,7 @@ export function workersView() {
     workers.subscribe((all) => {
       if (!all) return;
       show(all);
-      list.hidden = all.length === 0;
+      list.hidden = terms.hidden = all.length === 0;
       const slots = all.reduce((sum, w) => sum + w.slots, 0);
       const speed = all.reduce((sum, w) => sum + speedOf(w), 0);
       setText(
@@ -84,6 +85,7 @@ export function workersView() {
     { class: "page" },
     h("h1", { class: "page-title" }, t("Workers")),
     summary,
+    terms,
     sitesLines(life),
     list,
     empty,
