@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.description import SceneDescription
+from renderer.scene.description import Instance, SceneDescription
 
-__all__ = ["bounds_of"]
+__all__ = ["bounds_of", "instance_boxes"]
+
+_ROUNDING = 1e-9  # relative, of boxes
 
 
 def bounds_of(description: SceneDescription) -> npt.NDArray[np.float64]:
@@ -21,3 +23,17 @@ def bounds_of(description: SceneDescription) -> npt.NDArray[np.float64]:
     points += [np.array([ball.center]) + sign * ball.radius for ball in description.spheres for sign in (-1, 1)]
     whole = np.concatenate(points)
     return np.stack([whole.min(axis=0), whole.max(axis=0)])
+
+
+def instance_boxes(description: SceneDescription, placed: list[Instance]) -> npt.NDArray[np.float64]:
+    """Returns boxes in world space that contain the instances: (n, 2, 3). They may be larger than needed."""
+    if not placed:
+        return np.zeros((0, 2, 3))
+    used = sorted({each.mesh for each in placed})
+    ends = np.array([[description.meshes[i].positions.min(axis=0), description.meshes[i].positions.max(axis=0)] for i in used])
+    which = np.searchsorted(used, [each.mesh for each in placed])
+    middles, halves = ends.mean(axis=1, dtype=np.float64)[which], (np.ptp(ends, axis=1) / 2)[which]
+    places = np.array([each.transform for each in placed], np.float64)
+    centres = np.einsum("nij,nj->ni", places[:, :3, :3], middles) + places[:, :3, 3]
+    reach = np.einsum("nij,nj->ni", np.abs(places[:, :3, :3]), halves) * (1.0 + _ROUNDING) + _ROUNDING * np.abs(centres)
+    return np.stack([centres - reach, centres + reach], axis=1)

@@ -44,6 +44,7 @@ from renderer.scene.placed_bodies import PlacedGeometry, place_geometry
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.room_camera import room_view
 from renderer.scene.scene_bvh import build_scene_bvh
+from renderer.scene.standing import standing_box, within_footprint
 from renderer.scene.studio import WEAK_LIGHTS_WARNING, light_studio
 from renderer.scene.tangents import has_elliptic_fibres
 from renderer.scene.targets import list_targets
@@ -341,11 +342,16 @@ def camera_names(description: SceneDescription) -> list[str]:
 def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.ndarray) -> list[dict[str, Any]]:
     """Returns the cameras in the form used by `summarise`.
 
-    bounds: (2, 3) corners of all geometry. points: (N, 3) that the camera "auto" frames, unless the scene is a room; without any,
-    it frames the bounds. A camera whose picture, as large as the file says, shows nothing within the bounds has `sees_nothing`,
-    unless the scene has an environment with light, which it shows, or nothing that any camera could see.
+    bounds: (2, 3) corners of all geometry. points: (N, 3) that the camera "auto" frames, unless the scene is a room, and without
+    the floor around what stands on it; without any points, it frames the bounds. A camera whose picture, as large as the file
+    says, shows nothing within the bounds has `sees_nothing`, unless the scene has an environment with light, which it shows, or
+    nothing that any camera could see.
     """
-    automatic = room_view(description, bounds) or frame(points if len(points) else _corners(bounds), description.up)
+    points = points if len(points) else _corners(bounds)
+    if (standing := standing_box(description)) is not None:
+        above = within_footprint(description, points, standing)
+        points = above if len(above) else _corners(standing)
+    automatic = room_view(description, bounds) or frame(points, description.up)
     cameras = [*_aimed_cameras(description, bounds), Camera(AUTO_CAMERA, automatic)]
     width, height = (
         int(description.defaults.get(name) or usual) for name, usual in zip(("width", "height"), DEFAULT_SIZE, strict=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from renderer.scene.bounds import instance_boxes
 from renderer.scene.description import Instance, Mesh, SceneDescription
 from renderer.settings import Vec3, View
 
@@ -20,7 +21,6 @@ _OUT = 0.4  # from the middle of the room towards a corner, relative to the room
 _EYE, _TARGET = 0.1, -0.15  # above the middle, relative to the room's height
 _CLEAR = 0.12  # distance of the eye from the nearest vertex, relative to the room's shorter side
 _MOST_EXAMINED = 5_000_000  # vertices and triangles, at the sides and again near the eyes: 1 to 2 s
-_ROUNDING = 1e-9  # relative, of boxes
 _CORNERS = ((1, 1), (-1, 1), (1, -1), (-1, -1))  # of x and z; the first as the usual default camera has it
 
 
@@ -37,7 +37,7 @@ def room_view(description: SceneDescription, bounds: F64) -> View | None:
         return None
     shown = description.instances if description.subject is None else description.instances[:-1]  # without the studio's floor
     placed = [each for each in shown if len(description.meshes[each.mesh].triangles)]
-    boxes = _boxes(description, placed)
+    boxes = instance_boxes(description, placed)
     is_outer = (boxes[:, 0] - low < _BAND * extent) | (high - boxes[:, 1] < _BAND * extent)
     outer = [each for each, is_at_side in zip(placed, is_outer.any(axis=1), strict=True) if is_at_side]
     if sum(_size(description.meshes[each.mesh]) for each in outer) > _MOST_EXAMINED:
@@ -65,20 +65,6 @@ def room_view(description: SceneDescription, bounds: F64) -> View | None:
 
 def _size(mesh: Mesh) -> int:
     return len(mesh.positions) + len(mesh.triangles)
-
-
-def _boxes(description: SceneDescription, placed: list[Instance]) -> F64:
-    """Returns boxes in world space that contain the instances: (n, 2, 3). They may be larger than needed."""
-    if not placed:
-        return np.zeros((0, 2, 3))
-    used = sorted({each.mesh for each in placed})
-    ends = np.array([[description.meshes[i].positions.min(axis=0), description.meshes[i].positions.max(axis=0)] for i in used])
-    which = np.searchsorted(used, [each.mesh for each in placed])
-    middles, halves = ends.mean(axis=1, dtype=np.float64)[which], (np.ptp(ends, axis=1) / 2)[which]
-    places = np.array([each.transform for each in placed], np.float64)
-    centres = np.einsum("nij,nj->ni", places[:, :3, :3], middles) + places[:, :3, 3]
-    reach = np.einsum("nij,nj->ni", np.abs(places[:, :3, :3]), halves) * (1.0 + _ROUNDING) + _ROUNDING * np.abs(centres)
-    return np.stack([centres - reach, centres + reach], axis=1)
 
 
 def _at_sides(mesh: Mesh, place: F64, low: F64, high: F64) -> tuple[F64, npt.NDArray[np.intp], npt.NDArray[np.bool_]]:

@@ -3,6 +3,7 @@
 import { MOST_TRIANGLES, decimated, encoded, frame, joined } from "./shapes.js";
 import { roomView } from "./room.js";
 import { smoothed } from "./smooth.js";
+import { framedPlaces } from "./standing.js";
 import { MATT, NO_TEXTURE, Pictures } from "./surface.js";
 import { uprightMatrix } from "./up-axis.js";
 
@@ -57,7 +58,7 @@ export function viewed(drawn, lamps, camera) {
   if (!found) return null;
   const { packet, places, hasAllMaterials } = found;
   const { low, high } = packet;
-  return { packet, view: camera?.(low, high) ?? roomView(drawn, low, high) ?? frame(places), hasAllMaterials };
+  return { packet, view: camera?.(low, high) ?? roomView(drawn, low, high) ?? frame(framedPlaces(drawn, places)), hasAllMaterials };
 }
 
 /** Returns whether all indices are below a limit. @param {Uint32Array} indices @param {number} limit */

@@ -56,7 +56,7 @@ export function roomView(drawn, low, high) {
 }
 
 /** @param {Float32Array | Float64Array} positions @param {number[]} matrix column by column */
-function placed(positions, matrix) {
+export function placed(positions, matrix) {
   const [a = 0, b = 0, c = 0, , d = 0, e = 0, f = 0, , g = 0, h = 0, i = 0, , tx = 0, ty = 0, tz = 0] = matrix;
   const found = new Float64Array(positions.length);
   for (let k = 0; k < positions.length; k += 3) {
