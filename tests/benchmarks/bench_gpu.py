@@ -178,7 +178,7 @@ def main() -> int:
     for reason in found.refused:
         print(reason)
     if not found.usable:
-        print("Nothing is built or rendered: `rayfarm doctor` checks the driver, and --stages build builds the kernels all the same.")
+        print("Nothing is built or rendered. `rayfarm doctor` checks the driver; --stages build needs no card.")
         return 0
     card = found.usable[0]
     print(f"card {described(card)} ({NOT_YET_TRIED}), driver {card.driver}, beside {cores()} cores", flush=True)
@@ -259,8 +259,8 @@ def _run_jobs(
 ) -> bool:
     """Runs jobs of `_run_job` in parallel processes; returns False if the time is over before all have ended.
 
-    results: where the seconds of each are kept. card_memory: bytes of the card on which the jobs load kernels. A job that fails is
-    reported; the steps that need its kernel fail then.
+    results: where the seconds of each are kept. card_memory: bytes of the card on which the jobs load kernels. A job that fails
+    is reported; the steps that need its kernel fail then.
     """
     if not jobs:
         return True
