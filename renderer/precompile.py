@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import gc
-import os
 import subprocess
 import sys
 import time
@@ -18,6 +17,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from renderer import jit
+from renderer.confine.limits import available_memory
 from renderer.cuda.artefacts import kernel_name as card_kernel_name
 from renderer.cuda.artefacts import ptx_of
 from renderer.parallel_compile import Helpers
@@ -62,8 +62,7 @@ def _longest_first(variants: list[str]) -> list[str]:
 
 
 def _max_parallel_jobs(count: int) -> int:
-    memory = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    return max(1, min(count, cores(), memory // MEMORY))
+    return max(1, min(count, cores(), available_memory() // MEMORY))
 
 
 def _compile_all(jobs: list[str], begin: float) -> None:

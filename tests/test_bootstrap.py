@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib.util
 import os
 import re
 import shutil
@@ -67,6 +68,21 @@ def test_outdated_python_gets_an_error_message() -> None:
     )
     assert done.returncode == 1
     assert "This is Python 3.9; Rayfarm needs Python 3.11, 3.12 or 3.13" in done.stderr
+
+
+@pytest.mark.parametrize(("codes", "expected"), (([3], 3), ([0], 0), ([0, 3], 1)))
+def test_benchmark_keeps_its_exit_code(codes: list[int], expected: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`farm.py bench gpu` ends with 3 while steps are left. Of several benchmarks it is known only whether one failed."""
+    specification = importlib.util.spec_from_file_location("farm", ROOT / "farm.py")
+    assert specification is not None
+    assert specification.loader is not None
+    farm = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(farm)
+    left = [*codes]
+    monkeypatch.setattr(farm, "install", lambda extras: sys.executable)
+    monkeypatch.setattr(subprocess, "call", lambda command, **options: left.pop(0))
+    assert farm.run_benchmarks(["gpu", "drafts"][: len(codes)]) == expected
+    assert not left
 
 
 @pytest.mark.long

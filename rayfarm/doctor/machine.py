@@ -21,6 +21,13 @@ __all__ = ["check_machine"]
 PYTHONS = ((3, 11), (3, 12), (3, 13))
 NEEDED_CACHE = 2 << 30
 LOW_MEMORY = 4 << 30
+# What to do where a machine has a card and no card is used, by the code of the reason.
+DRIVER_ADVICE = {
+    "cards-unused": "Install NVIDIA's driver, 530 or later, with its library for CUDA (Debian: libcuda1). A container gets the "
+    "machine's by NVIDIA's container toolkit.",
+    "cards-none-found": "`nvidia-smi` shows the cards that the driver finds; a container has to be given them.",
+    "cards-driver-not-started": "`nvidia-smi` may name the cause; restart the machine after an update of the driver.",
+}
 OLDEST_CLOCK = 1735689600.0  # 2025: older than any release
 
 
@@ -80,11 +87,10 @@ def _cards() -> Iterator[Finding]:
         yield fine("Card", f"Card {described(card)}; {state} ({NOT_YET_TRIED}).")
     for reason in cards.refused:
         code = getattr(reason, "code", "")
-        by_driver = code in ("cards-driver-too-old", "cards-driver-not-started") or (
-            code == "cards-unused" and has_nvidia_hardware()
-        )
-        if by_driver:
+        if code == "cards-driver-too-old":
             yield note_finding("Card", reason)
+        elif code in DRIVER_ADVICE and (code == "cards-driver-not-started" or has_nvidia_hardware()):
+            yield note_finding("Card", reason, DRIVER_ADVICE[code])
         else:
             yield fact("Card", "No card found (no NVIDIA driver); the cores render." if code == "cards-unused" else reason)
 

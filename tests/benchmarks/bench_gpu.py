@@ -19,7 +19,7 @@ continue. The results are in a file of --state; to continue elsewhere, copy that
     profile   milliseconds of each stage of a path; and hardware counters, if Nsight Compute (ncu) is installed
 
 The end is a table of all results so far, with the ratios. Exit code 1: a film differs, or a step failed. A step during which the
-process ended is not tried again without --again; one whose library is missing is. Without a card only `build` runs.
+process ended is not tried again without --again; one whose library is missing is. Without a card nothing runs but --stages build.
 """
 
 from __future__ import annotations
@@ -46,6 +46,7 @@ import numpy as np
 
 from renderer import jit
 from renderer.arrays.scene_features import KERNEL_VARIANTS
+from renderer.confine.limits import available_memory
 from renderer.cuda.artefacts import kernel_name as card_kernel_name
 from renderer.cuda.artefacts import ptx_of
 from renderer.cuda.cards import NOT_YET_TRIED, described, find_cards
@@ -81,6 +82,7 @@ LIVE, QUICK_LIVE, LIVE_SPP, LIVE_SIDE = (1920, 1080), (96, 54), 4, 256
 UNFINISHED = 3  # exit code
 MISSING = 4  # exit code of a process that lacks a library
 ITEM_LIMIT_S = 110.0  # of a step in a process of its own, so that a command of 8 minutes ends before ten
+JOB_MEMORY = 1 << 30  # bytes that building a kernel takes, and about those of a card on which a process loads one
 DRIVER_CACHE = 4 << 30  # bytes for the kernels that the driver has translated
 FEATURES: dict[str, dict[str, Any]] = {
     "by wavelength": {"spectral": "on"},
@@ -170,22 +172,22 @@ def main() -> int:
     if options.once:
         return _once(options, sizes)
     deadline = time.monotonic() + 60 * options.minutes
-    if "build" in options.stages:
-        jobs = [f"{where}:{name}" for where in ("card", "cores") for name in options.kernels if not _is_built(where, name)]
-        if not _run_jobs(jobs, deadline):
-            return UNFINISHED
+    if [*options.stages] == ["build"]:
+        return 0 if _build(options.kernels, deadline) else UNFINISHED
     found = find_cards(options.library)
     for reason in found.refused:
         print(reason)
     if not found.usable:
-        print("Nothing is rendered; `rayfarm doctor` checks the driver.")
+        print("Nothing is built or rendered. `rayfarm doctor` checks the driver; --stages build needs no card.")
         return 0
     card = found.usable[0]
-    print(f"card {described(card)} ({NOT_YET_TRIED}), driver {card.driver}, beside {cores()} cores")
+    print(f"card {described(card)} ({NOT_YET_TRIED}), driver {card.driver}, beside {cores()} cores", flush=True)
+    if "build" in options.stages and not _build(options.kernels, deadline):
+        return UNFINISHED
     results = Results(options.state, options.again)
     if "load" in options.stages:
         jobs = [f"load:{name}" for name in options.kernels if name not in results.of("load")]
-        if not _run_jobs(jobs, deadline, options.library, results):
+        if not _run_jobs(jobs, deadline, options.library, results, card.memory):
             return UNFINISHED
     for step in _steps(options, sizes, card):
         if time.monotonic() > deadline:
@@ -246,16 +248,24 @@ def _names(options: argparse.Namespace) -> list[str]:
 # --- building -----------------------------------------------------------------------------------------------------------------
 
 
-def _run_jobs(jobs: Sequence[str], deadline: float, library: str = LIBRARY, results: Results | None = None) -> bool:
+def _build(kernels: Sequence[str], deadline: float) -> bool:
+    """Builds the kernels that are missing, for cards and for the CPU; returns False if the time is over before all are there."""
+    jobs = [f"{where}:{name}" for where in ("card", "cores") for name in kernels if not _is_built(where, name)]
+    return _run_jobs(jobs, deadline)
+
+
+def _run_jobs(
+    jobs: Sequence[str], deadline: float, library: str = LIBRARY, results: Results | None = None, card_memory: int = sys.maxsize
+) -> bool:
     """Runs jobs of `_run_job` in parallel processes; returns False if the time is over before all have ended.
 
-    results: where the seconds of each are kept. A job that fails is reported; the steps that need its kernel fail then.
+    results: where the seconds of each are kept. card_memory: bytes of the card on which the jobs load kernels. A job that fails
+    is reported; the steps that need its kernel fail then.
     """
     if not jobs:
         return True
     command = [sys.executable, "-m", "tests.benchmarks.bench_gpu", f"--library={library}", "--job"]
-    memory = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    count = max(1, min(cores(), memory >> 30))
+    count = max(1, min(cores(), available_memory() // JOB_MEMORY, card_memory // JOB_MEMORY))
     print(f"{len(jobs)} kernels to build or load, {count} at a time", flush=True)
 
     def run(job: str) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from renderer.cuda.cards import Cards
 from tests.benchmarks import bench_gpu
-from tests.benchmarks.bench_gpu import MissingError, Results, Step, _error, _print_table, _run_jobs
+from tests.benchmarks.bench_gpu import UNFINISHED, MissingError, Results, Step, _error, _print_table, _run_jobs
 
 
 def raising(error: BaseException) -> Any:
@@ -68,6 +70,36 @@ def test_jobs_are_continued(tmp_path: Path, capsys: pytest.CaptureFixture[str], 
     assert not _run_jobs(["load:full"], time.monotonic())
     assert ran == jobs
     assert _run_jobs(["load:full"], time.monotonic() + 60)
+
+
+def test_only_the_stage_build_runs_without_a_card(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    built: list[str] = []
+
+    def run(jobs: list[str], deadline: float) -> bool:
+        built.extend(jobs)
+        return "cores:media" not in jobs
+
+    monkeypatch.setattr(bench_gpu, "_run_jobs", run)
+    monkeypatch.setattr(bench_gpu, "_is_built", lambda where, kernel: where == "card" and kernel == "plain")
+    monkeypatch.setattr(bench_gpu, "find_cards", lambda library: Cards([], ["No graphics card is used: a reason."]))
+    for options, code, jobs in (
+        (["--kernels=plain,full"], 0, []),
+        (["--kernels=plain,full", "--stages=build"], 0, ["card:full", "cores:plain", "cores:full"]),
+        (["--kernels=media", "--stages=build"], UNFINISHED, ["card:media", "cores:media"]),
+    ):
+        built.clear()
+        monkeypatch.setattr(sys, "argv", ["bench_gpu.py", *options])
+        assert bench_gpu.main() == code
+        assert built == jobs
+        assert ("a reason" in capsys.readouterr().out) == (not jobs)
+
+
+def test_jobs_on_a_small_card_share_its_memory(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(bench_gpu, "cores", lambda: 16)
+    monkeypatch.setattr(bench_gpu, "available_memory", lambda: 64 << 30)
+    for memory, count in ((4 << 30, 4), (100, 1), (80 << 30, 16)):
+        assert not _run_jobs(["load:plain"], time.monotonic(), "libcuda.so", None, memory)
+        assert f" {count} at a time" in capsys.readouterr().out
 
 
 def test_table_has_ratios_and_their_means(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

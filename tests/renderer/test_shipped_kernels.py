@@ -83,6 +83,14 @@ def test_compilation_prints_its_progress(monkeypatch: pytest.MonkeyPatch, capsys
     assert "kernels ready after" in last
 
 
+def test_number_of_parallel_jobs_by_cores_and_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(precompile, "cores", lambda: 8)
+    for memory, count in ((64 << 30, 8), (3 * precompile.MEMORY, 3), (0, 1)):
+        monkeypatch.setattr(precompile, "available_memory", lambda memory=memory: memory)
+        assert precompile._max_parallel_jobs(20) == count
+    assert precompile._max_parallel_jobs(1) == 1
+
+
 def test_kernels_for_cards_are_built_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
     ran: list[tuple[str, ...]] = []
     monkeypatch.setattr(precompile, "_compile_in_process", lambda *job: ran.append(job))

@@ -9,7 +9,7 @@ import pytest
 from rayfarm.doctor import machine
 from renderer.cuda import cards, verdicts
 from renderer.cuda.cards import Cards
-from renderer.cuda.driver import Card
+from renderer.cuda.driver import Card, DriverError
 from renderer.cuda.verdicts import Verdict, keep_verdict
 
 CARD = Card(0, "RTX Test", (8, 6), 8 << 30, 1, "01", "570")
@@ -30,3 +30,26 @@ def test_card_is_shown_with_the_result_of_its_self_test(monkeypatch: pytest.Monk
     assert said() == ("fine", f"Card {LABEL}; passed the self-test of the kernels full, plain ({cards.NOT_YET_TRIED}).")
     keep_verdict(CARD, "media", "ptx", Verdict("it computed other bits", True))
     assert said() == ("note", f"Card {LABEL} is not used: it computed other bits.")
+
+
+@pytest.mark.parametrize(
+    ("error", "advice"),
+    (
+        (DriverError("the NVIDIA driver's library cannot be loaded"), "Install NVIDIA's driver"),
+        (DriverError("cuInit failed", "CUDA_ERROR_NO_DEVICE"), "`nvidia-smi` shows"),
+        (DriverError("cuInit failed", "CUDA_ERROR_SYSTEM_DRIVER_MISMATCH"), "restart the machine"),
+    ),
+)
+def test_advice_follows_where_a_machine_with_a_card_uses_none(
+    error: DriverError, advice: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(library: str) -> None:
+        raise error
+
+    monkeypatch.setattr(cards, "Driver", fail)
+    monkeypatch.setattr(cards, "has_nvidia_hardware", lambda: True)
+    (finding,) = machine._cards()
+    assert (finding.level, advice in finding.do) == ("note", True)
+    monkeypatch.setattr(cards, "has_nvidia_hardware", lambda: False)
+    (finding,) = machine._cards()
+    assert finding.level == ("note" if error.code.endswith("MISMATCH") else "fact")

@@ -144,11 +144,16 @@ def test_command_tests_failed_kernels_again(card: Card, monkeypatch: pytest.Monk
     tested: list[str] = []
 
     def run(card: Card, kernel: str) -> Verdict:
+        assert built == [*tested, kernel], "the test's time limit does not include the building"
         tested.append(kernel)
         return Verdict("", True)
 
+    built: list[str] = []
+    monkeypatch.setattr(self_test, "ptx_of", built.append)
+    monkeypatch.setattr(self_test, "warm_up", lambda settings, variant: None)
+
     keep_verdict(card, "media", "ptx", Verdict(BROKEN, False))
-    monkeypatch.setattr(self_test, "find_cards", lambda: Cards([card], []))
+    monkeypatch.setattr(self_test, "find_cards_before_fork", lambda: Cards([card], []))
     monkeypatch.setattr(self_test, "run_self_test", run)
     assert self_test.main([]) == 0
     assert tested == ["plain", "full", "media"]
