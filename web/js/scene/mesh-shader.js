@@ -357,8 +357,9 @@ void main() {
 const ENCODED_GLSL = `
 ${TONEMAP_GLSL}
 uniform bool isForMirrors; // what is drawn is read as radiance
+const float MOST = 1000.0; // half floats would overflow
 vec3 encoded(vec3 c) {
-  return isForMirrors ? c : srgbEncode(neutral(c));
+  return isForMirrors ? min(c, MOST) : srgbEncode(neutral(c));
 }`;
 
 /**
@@ -549,7 +550,7 @@ void main() {
   if (isForMirrors) color = min(color, 1.0 / gain); // without shadows, some surfaces would be far too bright
   color = (color + added) * gain;
 #ifdef CURVES
-  write(isForMirrors ? color : displayed(color, curve), base.a, flatly);
+  write(isForMirrors ? encoded(color) : displayed(color, curve), base.a, flatly);
 #else
   write(encoded(color), base.a, flatly);
 #endif
