@@ -301,6 +301,18 @@ def test_metal_of_a_preview_shows_what_is_near_in_its_place(farm: Farm, watched:
     assert watched.errors == []
 
 
+@pytest.mark.long
+def test_metal_of_a_preview_shows_the_colour_of_what_shines(farm: Farm, watched: Watched) -> None:
+    """A dark metal shows the blue of a surface that itself is too bright for the picture."""
+    page = watched.page
+    page.goto(farm.url)
+    shape = MIRROR.split("usemtl wall")[0] + "v 0 4 -3\nusemtl glow\nf 1 2 7\n"
+    materials = "newmtl metal\nKd 0.2 0.2 0.2\nPm 1\nPr 0\nnewmtl glow\nKd 0 0 0\nKe 0.6 1.5 3\n"
+    [[red, _, blue]] = page.evaluate(DRAW_MIRROR, [shape, materials, [{}]])
+    assert blue > 1.85 * red, f"{red} {blue}"
+    assert watched.errors == []
+
+
 # Draws a floor below a pane in the light of four lamps above, and a small pyramid around a weak blue one.
 # Returns the colours of points of the floor, 0 ... 255.
 DRAW_PANE = """async ([obj, mtl, points]) => {
@@ -351,6 +363,23 @@ def test_lamps_of_a_preview_shine_through_a_pane_and_beside_what_glows(farm: Far
     assert np.abs(clear[1] - solid[1]).max() <= 2
     assert pane[2, 2] > pane[1, 2] + 20, f"blue beside the lamp: {pane}"
     assert abs(pane[2, 0] - pane[1, 0]) <= 4, f"{pane}"
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_wall_of_a_preview_has_the_colour_that_the_floor_reflects(farm: Farm, watched: Watched) -> None:
+    """The side that the lamps do not light is as red as the floor before it."""
+    page = watched.page
+    page.goto(farm.url)
+    shape = PANE.split("v -0.5 1")[0] + "v -0.5 0.2 0.5\nv 0.5 0.2 0.5\nv 0.5 1.5 0.5\nv -0.5 1.5 0.5\nusemtl wall\nf 5 6 7 8\n"
+
+    def color(floor: str) -> list[int]:
+        materials = f"newmtl floor\nKd {floor}\nnewmtl wall\nKd 0.9 0.9 0.9\n"
+        return list(page.evaluate(DRAW_PANE, [shape, materials, [[0, 0.8, 0.5]]])[0])
+
+    grey, red = color("0.5 0.5 0.5"), color("0.8 0.1 0.1")
+    assert abs(grey[0] - grey[1]) <= 2, f"{grey}"
+    assert red[0] > red[1] + 10, f"{red}"
     assert watched.errors == []
 
 

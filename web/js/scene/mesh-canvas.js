@@ -360,6 +360,7 @@ export class MeshCanvas {
       gl.uniform4fv(at("eye"), eye);
       gl.uniform1f(at("gain"), this.look.gain);
       gl.uniform1i(at("curve"), this.look.curve);
+      gl.uniform1i(at("isForMirrors"), drawing ? 1 : 0);
       gl.uniform3fv(at("irradiance"), light.irradiance);
       this.setLamps(light, mesh);
       if (onPage) shadows?.bind(at, onPage);

@@ -64,6 +64,8 @@ export class MeshMirrors {
   /** @param {WebGL2RenderingContext} gl */
   constructor(gl) {
     this.gl = gl;
+    /** Format of the cubes' colours, in which surfaces that shine have theirs too where the browser can draw more than 8 bits. */
+    this.format = gl.getExtension("EXT_color_buffer_float") ? gl.RGBA16F : gl.SRGB8_ALPHA8;
     /** @type {Mirrored[]} */
     this.cubes = [];
     /** @type {Surface[]} */
@@ -100,7 +102,7 @@ export class MeshMirrors {
     const isBall = (/** @type {Surface} */ { part }) => this.balls.some((each) => each.part === part);
     /** @param {Vec3} from @param {(surface: Surface) => boolean} isChosen @param {boolean} isReflecting */
     const cubeOf = (from, isChosen, isReflecting) =>
-      mirrorCube(gl, radius, from, (toClip, isSeen) => {
+      mirrorCube(gl, this.format, radius, from, (toClip, isSeen) => {
         this.drawing = { from, isReflecting, isChosen, isSeen };
         draw(toClip);
       });
@@ -169,15 +171,16 @@ export class MeshMirrors {
  * Draws a cube.
  *
  * @param {WebGL2RenderingContext} gl
+ * @param {number} format of the colours
  * @param {number} radius of the scene
  * @param {Vec3} from where it is seen from
  * @param {(toClip: Float32Array<ArrayBuffer>, isSeen: (surface: {middle: Vec3, size: number}) => boolean) => void} draw draws a side
  * @returns {Cube} bound to no unit
  */
-function mirrorCube(gl, radius, from, draw) {
+function mirrorCube(gl, format, radius, from, draw) {
   const unit = gl.getParameter(gl.ACTIVE_TEXTURE);
   const depth = cubeTexture(gl, 1, gl.DEPTH_COMPONENT24, gl.NEAREST, gl.NEAREST);
-  const color = cubeTexture(gl, Math.log2(SIDE) + 1, gl.RGBA8, gl.LINEAR_MIPMAP_LINEAR, gl.LINEAR);
+  const color = cubeTexture(gl, Math.log2(SIDE) + 1, format, gl.LINEAR_MIPMAP_LINEAR, gl.LINEAR);
   gl.bindTexture(gl.TEXTURE_CUBE_MAP, null); // shaders must not read what they write
   const frame = gl.createFramebuffer();
   SIDES.forEach(([right, up, forward], side) => {

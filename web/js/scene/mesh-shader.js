@@ -111,7 +111,7 @@ vec3 undisplayed(vec3 c) {
   return (c + (least < 0.04 ? sqrt(least / 6.25) - least : 0.04)) / gain;
 }
 #ifdef MIRRORS
-uniform samplerCube mirrored; // the scene from a point, without what reflects it, multiplied by its alpha
+uniform samplerCube mirrored; // the scene from a point, without what reflects it: radiance times gain, multiplied by its alpha
 uniform highp samplerCube mirroredDepth;
 uniform vec3 mirroredFrom;
 uniform bool showsScene;
@@ -119,6 +119,9 @@ uniform bool isBlack; // nothing is around the scene
 #ifdef FOLLOWED
 const int STEPS = 7, HALVINGS = 3; // along a ray, and of the step in which something is met
 const vec2 THICK = vec2(0.3, 0.5); // a point is hidden if the surface seen towards it is nearer than this part of its distance
+// Roughness, and distance of what the cube shows in proportion to that of the place from its middle, from which a ray shows what the cube does where it
+// leaves the bounds: how far away that is matters little there, and edges where rays begin to meet something would be seen in a rough surface.
+const vec2 ROUGH = vec2(0.05, 0.2), FAR_AWAY = vec2(0.75, 1.5);
 // Distance of the surface that the cube shows towards a point, in proportion to the point's own.
 float seenBehind(vec3 way) {
   vec3 sizes = abs(way);
@@ -130,7 +133,7 @@ float seenBehind(vec3 way) {
 // Place where a ray leaves the bounds, or before that meets the scene, relative to the cube's middle: the first one behind the surface that the cube
 // shows towards it. w: 0 if the cube does not show that place, for which something hides it.
 // Source: Szirmay-Kalos et al. 2005, "Approximate ray-tracing on the GPU with distance impostors".
-vec4 metAlong(vec3 place, vec3 way) {
+vec4 metAlong(vec3 place, vec3 way, float rough) {
   vec3 safe = mix(way, vec3(1e-6), lessThan(abs(way), vec3(1e-6)));
   vec3 ends = (0.5 * extent * sign(safe) - place) / safe;
   float end = max(min(ends.x, min(ends.y, ends.z)), 0.0);
@@ -163,7 +166,9 @@ vec4 metAlong(vec3 place, vec3 way) {
     isFound = false; // it passes behind something
     step = STEPS;
   }
-  return vec4(place + after * way, smoothstep(THICK.x, THICK.y, depth));
+  float away = depth * length(place + after * way);
+  float isBeyond = smoothstep(ROUGH.x, ROUGH.y, rough) * smoothstep(FAR_AWAY.x, FAR_AWAY.y, away / max(length(place), 1e-6));
+  return vec4(place + mix(after, end, isBeyond) * way, mix(smoothstep(THICK.x, THICK.y, depth), 1.0, isBeyond));
 #endif
 }
 #ifdef BALLS
@@ -212,15 +217,15 @@ vec3 seenAlong(vec3 place, vec3 way, float rough, float spread) {
   if (showsScene) {
     float wide = max(spread, 2.0 * rough * rough);
     float level = clamp(log2(max(${SIDE / 2}.0 * wide, 1e-3)), 0.0, 6.0);
-    vec4 met = metAlong(place, way);
+    vec4 met = metAlong(place, way, rough);
     vec4 known = met.w * textureLod(mirrored, met.xyz, level);
     if (isBlack) light = vec3(0.0);
-    if (known.a > 0.01) light = mix(light, undisplayed(known.rgb / known.a), known.a);
+    if (known.a > 1e-3) light = mix(light, known.rgb / known.a / gain, known.a);
 #ifdef BALLS
     vec4 ball = ballAlong(place, way, wide);
     if (ball.w > 0.0) {
       vec4 shown = textureLod(mirroredBalls, ball.xyz, level);
-      if (shown.a > 0.01) light = mix(light, undisplayed(shown.rgb / shown.a), ball.w);
+      if (shown.a > 0.01) light = mix(light, shown.rgb / shown.a / gain, ball.w);
     }
 #endif
   }
@@ -348,6 +353,15 @@ void main() {
   facing = normal;
 }`;
 
+/** What is drawn of radiance times gain with the default curve. */
+const ENCODED_GLSL = `
+${TONEMAP_GLSL}
+uniform bool isForMirrors; // what is drawn is read as radiance
+const float MOST = 1000.0; // half floats would overflow
+vec3 encoded(vec3 c) {
+  return isForMirrors ? min(c, MOST) : srgbEncode(neutral(c));
+}`;
+
 /**
  * For triangles about as small as pixels: shaded at the vertices, since their pixels, with those around them that the hardware shades too,
  * are several times as many. The tone curve is the default one.
@@ -359,7 +373,7 @@ precision highp sampler2D;
 uniform vec3 emission;
 uniform bool isWhole; // no texture and no picture is to be added
 ${LIGHT_GLSL}
-${TONEMAP_GLSL}
+${ENCODED_GLSL}
 ${ATTRIBUTES}
 out vec3 lit;
 out vec3 shine;
@@ -378,7 +392,7 @@ void main() {
 #endif
   shade(place, n, v, base, roughness, metallic, missed, open, lit, shine, passed);
   lit *= passed * base;
-  if (isWhole) lit = srgbEncode(neutral((lit + shine + emission) * gain));
+  if (isWhole) lit = encoded((lit + shine + emission) * gain);
 }`;
 
 const KEPT = `
@@ -395,7 +409,7 @@ uniform vec3 emission;
 uniform bool unlit;
 uniform int alphaMode; // 0: opaque, 1: mask, 2: blend
 uniform float cutoff;
-${TONEMAP_GLSL}
+${ENCODED_GLSL}
 in vec2 texel;
 in vec3 place;
 in vec4 shown;
@@ -434,7 +448,7 @@ void main() {
   vec4 base = texture(image, texel);
   if (alphaMode != 0 && isHidden(shown.a * base.a)) discard;
   vec3 color = lit * base.rgb + shine * mix(vec3(1.0), base.rgb, metallic) + emission;
-  write(srgbEncode(neutral(color * gain)), 1.0, faceNormal(normalize(eye.xyz - eye.w * place)));
+  write(encoded(color * gain), 1.0, faceNormal(normalize(eye.xyz - eye.w * place)));
 }`;
 
 export const FRAGMENT = `#version 300 es
@@ -533,11 +547,12 @@ void main() {
     }
 #endif
   }
+  if (isForMirrors) color = min(color, 1.0 / gain); // without shadows, some surfaces would be far too bright
   color = (color + added) * gain;
 #ifdef CURVES
-  write(displayed(color, curve), base.a, flatly);
+  write(isForMirrors ? encoded(color) : displayed(color, curve), base.a, flatly);
 #else
-  write(srgbEncode(neutral(color)), base.a, flatly);
+  write(encoded(color), base.a, flatly);
 #endif
 }`;
 

@@ -147,6 +147,7 @@ uniform vec3 instead[${TOGETHER}]; // what is seen in place of the light, if it 
 uniform sampler2D albedos; // of the scene from below and, beside that, from above, multiplied by the share that is covered
 uniform vec3 albedoX; // from the middle, to coordinates of a view
 uniform vec3 albedoY;
+uniform float halfHeight; // of the scene
 uniform bool isAlone; // only lamps light the scene, and what is seen in place of other light is an estimate
 layout(location = 0) out vec4 missed;
 ${EDGED_GLSL}
@@ -168,6 +169,16 @@ layout(location = 1) out vec2 away; // how far what hides the light is, weighted
 ${FLOOR_MAP_GLSL}
 uniform sampler2D seenSmoothed;
 const float SPREAD = 0.3; // half the angle between neighbouring directions of a batch, about
+// Colour of what lies below the scene along a direction, in proportion to its luminance; white where nothing does.
+vec3 groundAlong(vec3 place, vec3 way, vec3 up) {
+  float down = -dot(up, way);
+  if (down <= 0.0) return vec3(1.0);
+  place += max(dot(place, up) + halfHeight, 0.0) / max(down, 0.05) * way;
+  vec2 uv = clamp(0.5 + vec2(dot(place, albedoX), dot(place, albedoY)), 0.05, 0.95);
+  vec4 found = textureLod(albedos, 0.5 * uv, 3.0); // from below, where no body hides it
+  float luminance = dot(found.rgb, LUMINANCE);
+  return mix(vec3(1.0), found.rgb / max(luminance, 1e-3), found.a * min(20.0 * luminance, 1.0));
+}
 #endif
 const float WITHIN = 0.75; // part of the light that comes from behind the surface, compared with that of other surfaces
 const float GRAZING = 0.1; // cosine to a triangle's normal from which all light reaches its points
@@ -212,7 +223,8 @@ void main() {
 #else
     float above = max(1.0 - bent, smoothstep(0.0, GRAZING, dot(edge, ways[i]))); // such a normal faces directions that are behind the surface
     open *= above;
-    vec3 lost = (1.0 - open) * (colors[i] - mix(WITHIN, 1.0, above) * instead[i] * mix(fromAbove, fromBelow, 0.5 + 0.5 * dot(up, ways[i])));
+    vec3 reflecting = isAlone ? groundAlong(place, ways[i], up) : mix(fromAbove, fromBelow, 0.5 + 0.5 * dot(up, ways[i]));
+    vec3 lost = (1.0 - open) * (colors[i] - mix(WITHIN, 1.0, above) * instead[i] * reflecting);
     // A direction below the horizon sees the floor, whose shadow is missing from the light.
     if (dot(ways[i], floorPlane.xyz) < 0.0) lost += open * colors[i] * min(missedFrom(place, ways[i], SPREAD) / max(floorRadiance, vec3(1e-6)), 1.0);
 #endif

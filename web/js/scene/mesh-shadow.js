@@ -315,6 +315,7 @@ export class MeshShadows {
     const [albedoX, albedoY] = albedoAxes(subject);
     gl.uniform3fv(at("albedoX"), albedoX);
     gl.uniform3fv(at("albedoY"), albedoY);
+    gl.uniform1f(at("halfHeight"), extentOf(subject.mesh).reduce((sum, value, i) => sum + value * Math.abs(floorMap(subject).above[i] ?? 0), 0) / 2);
     gl.uniform1i(at("isAlone"), subject.isAlone ? 1 : 0);
     gl.uniform4fv(at("rows"), maps.rows.slice(first, last).flat());
     gl.uniform3fv(at("ways"), samples.slice(first, last).flatMap(({ way }) => way));
