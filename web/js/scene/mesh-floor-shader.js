@@ -15,7 +15,7 @@ const float FLOOR_TEXELS = ${FLOOR_TEXELS}.0;
 uniform sampler2D floorAway; // how far what shadows it is, weighted, and the sum of the weights
 uniform float floorSpread; // angle between neighbouring directions of the light so far, in proportion to that of all
 const float BLUR = 0.09; // half the angle between neighbouring ones of all directions, about
-const vec2 FAINT = vec2(0.003, 0.011); // part of the light below which a shadow is that of a single direction, far from what casts it
+const vec2 FAINT = vec2(0.0, 0.01); // part of the light below which a shadow is that of a single direction, far from what casts it
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 // Radiance that the floor lacks at a point of its map.
 vec3 lackingAt(vec2 uv, float level) {

@@ -579,7 +579,7 @@ void main() {
 #endif
   if (isNear) shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, floorPlane.xyz, missed, open);
   missed *= dot(floorRadiance, LUMINANCE);
-  if (wide >= 0.0) missed = mix(missed, lackingAt(uv, log2(1.0 + wide)), smoothstep(0.0, NARROW, wide));
+  missed = mix(missed, lackingAt(uv, 0.0), wide < 0.0 ? 1.0 : smoothstep(0.0, NARROW, wide));
   vec3 color = max(floorRadiance - missed, 0.0);
   float shown = 1.0;
 #ifdef LAMPS
@@ -612,6 +612,8 @@ uniform int curve;
 uniform vec3 eye; // relative to the middle of the floor
 uniform vec3 above; // normal of the floor
 uniform float reach; // half the floor's side length; 0: the floor, if there is one, reaches the horizon
+uniform bool isBelow; // the floor is seen from below; then the light around is without it
+uniform vec3 lowerSide; // radiance of the floor's lower side
 uniform vec3 beyond; // as LightTables has it
 ${AROUND_GLSL}
 ${TONEMAP_GLSL}
@@ -626,7 +628,8 @@ vec3 behind(vec3 way) {
   vec3 along = max(abs(way - fall * above), 1e-6);
   vec3 exits = (reach - sign(way) * eye) / along + 1e9 * abs(above); // distance to the floor's sides
   float left = dot(eye, above) + fall * min(exits.x, min(exits.y, exits.z)); // height above the floor's edge
-  float onFloor = clamp(0.5 - left / max(fwidth(left), 1e-9), 0.0, 1.0);
+  float onFloor = clamp(0.5 - (isBelow ? -left : left) / max(fwidth(left), 1e-9), 0.0, 1.0);
+  if (isBelow) return mix(reflected(way, 0.0), lowerSide, onFloor);
   vec3 color = reflected(normalize(way + max(HALF_ROW - fall, 0.0) * above), 0.0) * mix(beyond, vec3(1.0), smoothstep(-HORIZON, HORIZON, fall));
   return mix(color, reflected(-above, 0.0), onFloor);
 }

@@ -1,5 +1,6 @@
 /** Projections of a preview mesh's shadow maps, from directions and lamps, the place of the floor's map, and bounds of the scene. */
 
+import { FLOOR_TEXELS } from "./mesh-floor-shader.js";
 import { MOST_LAMP_TILES } from "./mesh-shadow-shader.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
@@ -69,6 +70,8 @@ const ROOM = 0.01;
 
 /** Side length of the views of the scene's albedo, in radii. */
 const ALBEDO_SIDE = 2.1;
+/** Width of a texel of these views, half as many as the floor's map has along a side, in texels of that; and of the depth of the scene, from below to above. */
+export const [VIEW_TEXEL, VIEW_DEPTH] = [ALBEDO_SIDE / REACH, FLOOR_TEXELS / REACH];
 
 /** Returns the axes of the views of a scene's albedo, which turn places into shares of a view. @param {Subject} subject @returns {[Vec3, Vec3]} */
 export function albedoAxes(subject) {
