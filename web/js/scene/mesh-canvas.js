@@ -10,7 +10,7 @@ import { MIRROR_UNITS, MeshMirrors, isMirror } from "./mesh-mirror.js";
 import { placeOf } from "./mesh-parts.js";
 import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, MOST_LAMPS, PASS, PLACES, VERTEX } from "./mesh-shader.js";
-import { FLOOR_DIAGONALS, FLOOR_REACH, floorMap, radiusOf } from "./mesh-shadow-places.js";
+import { FLOOR_REACH, floorMap, floorReach } from "./mesh-shadow-places.js";
 import { MeshShadows } from "./mesh-shadow.js";
 import { LIT_SAMPLE, SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
 import { aroundTexture, fillTexel, fillTexture, standInOf, tablesOf, texelTexture } from "./mesh-textures.js";
@@ -292,7 +292,7 @@ export class MeshCanvas {
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    kept?.drawBehind(mesh, view, aspect, this.above, this.hasFloor);
+    kept?.drawBehind(mesh, view, aspect, this.above, this.keptFloor(mesh));
     canvas.dataset.drawn = String(mesh.triangles);
     if (isSame) return;
     if (isBelow) {
@@ -577,7 +577,7 @@ export class MeshCanvas {
     gl.uniform3fv(at("across"), right.map((value) => half * aspect * value));
     gl.uniform3fv(at("upward"), up.map((value) => half * value));
     const { above } = floorMap({ mesh, above: this.above });
-    const reach = 2 * FLOOR_DIAGONALS * radiusOf(mesh);
+    const reach = floorReach(mesh);
     const eye = this.onFloor(mesh, view);
     const isOver = floor !== null && !isFlat && eye.every((value) => Math.abs(value) < reach);
     gl.uniform1i(at("isBelow"), isBelow ? 1 : 0);
@@ -596,6 +596,15 @@ export class MeshCanvas {
   onFloor(mesh, view) {
     const { above, height } = floorMap({ mesh, above: this.above });
     return fromMiddle(view.eye, mesh.low, mesh.high).map((value, i) => value - height * (above[i] ?? 0));
+  }
+
+  /** Returns what a kept picture shows as the floor where it does not show it. @param {MeshPacket} mesh */
+  keptFloor(mesh) {
+    if (!this.hasFloor || !this.light?.floor) return null;
+    const { lamps, floor } = this.light;
+    const suns = sunsOn(this.above, lamps);
+    const light = /** @type {Vec3} */ (floor.radiance.map((value, i) => this.look.gain * (value + floor.albedo * (suns[i] ?? 0))));
+    return { reach: floorReach(mesh), light: lamps.every(({ far }) => far) ? light : null, curve: this.look.curve };
   }
 
   /** Returns whether the floor hides the whole mesh from a camera. @param {MeshPacket} mesh @param {View} view */

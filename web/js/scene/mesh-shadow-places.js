@@ -16,13 +16,16 @@ const REACH = 3.5;
 export const FLOOR_REACH = 1 + REACH * Math.SQRT2;
 
 /** Half the side length of the studio's floor, in diagonals of the scene's bounds (renderer/scene/studio.py). */
-export const FLOOR_DIAGONALS = 30;
+const FLOOR_DIAGONALS = 30;
 
 /** @param {MeshPacket} mesh @returns {Vec3} */
 export const extentOf = ({ low, high }) => /** @type {Vec3} */ (high.map((value, i) => value - (low[i] ?? 0)));
 
 /** Returns the radius of the sphere around the scene's bounds. @param {MeshPacket} mesh */
 export const radiusOf = (mesh) => (Math.hypot(...extentOf(mesh)) / 2 || 1) * 1.001;
+
+/** Returns half the side length of the studio's floor. @param {MeshPacket} mesh */
+export const floorReach = (mesh) => 2 * FLOOR_DIAGONALS * radiusOf(mesh);
 
 /** @param {Vec3} a @param {Vec3} b @returns {Vec3} */
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];

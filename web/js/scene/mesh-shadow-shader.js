@@ -280,10 +280,10 @@ void main() {
   float total = 0.0;
   for (int i = 0; i < (wide > 0.0 ? TAPS : 1); i++) {
     float turn = 2.399963 * float(i), share = (float(i) + 0.5) / float(TAPS); // a spiral by the golden angle
-    vec2 at = uv + 2.4 * wide * sqrt(share) * vec2(cos(turn), sin(turn)) / size;
+    vec2 at = uv + 3.2 * wide * sqrt(share) * vec2(cos(turn), sin(turn)) / size;
     float weight = exp(-2.0 * share);
-    all += weight * textureLod(hidden, at, log2(1.0 + 0.35 * wide));
-    back += weight * textureLod(given, at, log2(1.0 + 0.35 * wide)).rgb;
+    all += weight * textureLod(hidden, at, log2(1.0 + 0.5 * wide));
+    back += weight * textureLod(given, at, log2(1.0 + 0.5 * wide)).rgb;
     total += weight;
   }
   all /= total;
