@@ -351,7 +351,7 @@ const float MOST_STEP = 0.01; // of a tile's width
 // Way in a tile from a sample to the next one, for a way between pixels in the scene.
 vec3 stepOf(mat4 toTile, vec4 seen, vec3 way) {
   vec4 moved = toTile * vec4(way, 0.0);
-  vec3 found = 0.25 * (moved.xyz - moved.w * seen.xyz / seen.w) / seen.w;
+  vec3 found = 0.35 * (moved.xyz - moved.w * seen.xyz / seen.w) / seen.w;
   return found * min(1.0, MOST_STEP / max(length(found.xy), 1e-9));
 }
 void main() {
