@@ -254,7 +254,8 @@ layout(location = 1) out vec4 reflected; // the part of it that surfaces reflect
 uniform sampler2D floorAway;
 uniform float softness; // half the angle between neighbouring directions, times the texels of the map in a unit of the scene
 const float MOST_SEEN = 8.0; // texels around that a surface above sees at most: what is beside the scene is seen from its sides
-const int TAPS = 24;
+const int TAPS = 12;
+const float WIDEST = 2.4;
 // Height of what is above the floor, in texels.
 float heightAbove() {
   ivec2 size = textureSize(under, 0) / 2;
@@ -268,22 +269,23 @@ float heightAbove() {
 }
 void main() {
   vec2 size = vec2(textureSize(hidden, 0)), uv = gl_FragCoord.xy / size;
-  float level = log2(1.0 + min(heightAbove(), MOST_SEEN));
+  float height = heightAbove(), level = log2(1.0 + min(height, MOST_SEEN));
   vec4 around = textureLod(hidden, uv, level);
   float open = 1.0 - dot(around.rgb, vec3(0.2126, 0.7152, 0.0722)) / max(around.a, 1e-9);
   open = clamp(open * (1.0 - dot(suns, vec4(1.0))) + dot(suns, textureLod(openSuns, uv, level)), 0.001, 1.0);
   // Shadows of single directions join if each is as wide as the angle between them: the farther what casts it, the wider. Mipmaps alone would show their outlines.
   vec2 away = textureLod(floorAway, uv, 3.0).rg + 0.05 * textureLod(floorAway, uv, 5.0).rg;
-  float wide = away.y > 0.0 ? softness * away.x / away.y : 0.0;
+  float wide = away.y > 0.0 ? min(softness * away.x / away.y, 0.5 * height) : 0.0; // the maps have the depth of the scene's upper side
   vec4 all = vec4(0.0);
   vec3 back = vec3(0.0);
   float total = 0.0;
-  for (int i = 0; i < (wide > 0.0 ? TAPS : 1); i++) {
+  bool isShadowed = textureLod(hidden, uv, log2(1.0 + WIDEST * wide) + 1.0).rgb != vec3(0.0);
+  for (int i = 0; i < (isShadowed ? TAPS : 1); i++) {
     float turn = 2.399963 * float(i), share = (float(i) + 0.5) / float(TAPS); // a spiral by the golden angle
-    vec2 at = uv + 3.2 * wide * sqrt(share) * vec2(cos(turn), sin(turn)) / size;
+    vec2 at = uv + WIDEST * wide * sqrt(share) * vec2(cos(turn), sin(turn)) / size;
     float weight = exp(-2.0 * share);
-    all += weight * textureLod(hidden, at, log2(1.0 + 0.5 * wide));
-    back += weight * textureLod(given, at, log2(1.0 + 0.5 * wide)).rgb;
+    all += weight * textureLod(hidden, at, log2(1.0 + 0.6 * wide));
+    back += weight * textureLod(given, at, log2(1.0 + 0.6 * wide)).rgb;
     total += weight;
   }
   all /= total;
@@ -351,7 +353,7 @@ const float MOST_STEP = 0.01; // of a tile's width
 // Way in a tile from a sample to the next one, for a way between pixels in the scene.
 vec3 stepOf(mat4 toTile, vec4 seen, vec3 way) {
   vec4 moved = toTile * vec4(way, 0.0);
-  vec3 found = 0.35 * (moved.xyz - moved.w * seen.xyz / seen.w) / seen.w;
+  vec3 found = 0.25 * (moved.xyz - moved.w * seen.xyz / seen.w) / seen.w;
   return found * min(1.0, MOST_STEP / max(length(found.xy), 1e-9));
 }
 void main() {
