@@ -333,7 +333,7 @@ layout(location = ${PLACES.color}) in vec4 color;
 layout(location = ${PLACES.uv}) in vec2 uv;
 out vec3 place;
 out vec4 shown;
-out vec2 texel;`;
+centroid out vec2 texel;`;
 const PLACE = `
   texel = uv;
   place = (share - 0.5) * extent;
@@ -396,7 +396,7 @@ uniform bool unlit;
 uniform int alphaMode; // 0: opaque, 1: mask, 2: blend
 uniform float cutoff;
 ${TONEMAP_GLSL}
-in vec2 texel;
+centroid in vec2 texel;
 in vec3 place;
 in vec4 shown;
 out vec4 pixel;

@@ -18,7 +18,7 @@ uniform float solid; // share of the light that the surface holds back
 uniform float threshold; // differs from map to map, so that a surface is drawn in a share of the maps that equals its opacity
 in vec3 place;
 in vec4 shown;
-in vec2 texel;
+centroid in vec2 texel;
 bool isHidden() {
   float opacity = alphaMode == 0 ? 1.0 : shown.a * texture(image, texel).a;
   if (alphaMode == 1) return opacity < cutoff;
