@@ -400,6 +400,7 @@ centroid in vec2 texel;
 in vec3 place;
 in vec4 shown;
 out vec4 pixel;
+const float SHARPER = -1.0; // level of detail: mipmaps mix what lies side by side in a texture only, such as the black of tyres and white
 const float SOLID = 0.98; // opacity from which blended surfaces are drawn with the opaque ones
 bool isHidden(float opacity) {
   return (alphaMode == 1 && opacity < cutoff) || (alphaMode == 2 && (pass == ${PASS.blend}) == (opacity >= SOLID));
@@ -431,7 +432,7 @@ void main() {
     pixel = vec4(lit, 1.0);
     return;
   }
-  vec4 base = texture(image, texel);
+  vec4 base = texture(image, texel, SHARPER);
   if (alphaMode != 0 && isHidden(shown.a * base.a)) discard;
   vec3 color = lit * base.rgb + shine * mix(vec3(1.0), base.rgb, metallic) + emission;
   write(srgbEncode(neutral(color * gain)), 1.0, faceNormal(normalize(eye.xyz - eye.w * place)));
@@ -490,7 +491,7 @@ vec3 transmitted(vec3 n, vec3 v, float rough) {
 }
 #endif
 void main() {
-  vec4 base = texture(image, texel);
+  vec4 base = texture(image, texel, SHARPER);
   base = vec4(srgbDecode(shown.rgb) * base.rgb, shown.a * base.a);
   if (alphaMode != 0 && isHidden(base.a)) discard;
   vec3 v = normalize(eye.xyz - eye.w * place);
