@@ -249,13 +249,14 @@ uniform sampler2D openSuns; // as LAMPS_FRAGMENT writes it
 uniform vec4 suns; // part of the floor's light that comes from each lamp
 uniform float most; // factor of what is given where all light reaches the floor around
 uniform float power; // by which it depends on that light
-layout(location = 0) out vec4 missed;
-layout(location = 1) out vec4 reflected; // the part of it that surfaces reflect, in proportion to the luminance of all light
+layout(location = 0) out vec4 missed; // in proportion to the luminance of all light; and the width of its shadow in texels
+layout(location = 1) out vec4 reflected; // the part of it that surfaces reflect, likewise
 uniform sampler2D floorAway;
 uniform float softness; // half the angle between neighbouring directions, times the texels of the map in a unit of the scene
 const float MOST_SEEN = 8.0; // texels around that a surface above sees at most: what is beside the scene is seen from its sides
 const int TAPS = 12;
-const float WIDEST = 2.4;
+const float WIDEST = 2.4; // reach of the blur, in widths of a shadow
+const float UNSHADOWED = 100.0; // width where there is no shadow: wider than any that matters
 // Height of what is above the floor, in texels.
 float heightAbove() {
   ivec2 size = textureSize(under, 0) / 2;
@@ -274,7 +275,7 @@ void main() {
   float open = 1.0 - dot(around.rgb, vec3(0.2126, 0.7152, 0.0722)) / max(around.a, 1e-9);
   open = clamp(open * (1.0 - dot(suns, vec4(1.0))) + dot(suns, textureLod(openSuns, uv, level)), 0.001, 1.0);
   // Shadows of single directions join if each is as wide as the angle between them: the farther what casts it, the wider. Mipmaps alone would show their outlines.
-  vec2 away = textureLod(floorAway, uv, 3.0).rg + 0.05 * textureLod(floorAway, uv, 5.0).rg;
+  vec2 close = textureLod(floorAway, uv, 3.0).rg, away = close + 0.05 * textureLod(floorAway, uv, 5.0).rg;
   float wide = away.y > 0.0 ? min(softness * away.x / away.y, 0.5 * height) : 0.0; // the maps have the depth of the scene's upper side
   vec4 all = vec4(0.0);
   vec3 back = vec3(0.0);
@@ -290,7 +291,7 @@ void main() {
   }
   all /= total;
   back *= most * pow(open, power) / total;
-  missed = vec4(all.rgb - back, all.a);
+  missed = vec4((all.rgb - back) / max(all.a, 1e-9), close.y > 0.0 ? min(softness * close.x / close.y, UNSHADOWED) : UNSHADOWED);
   reflected = vec4(back / max(all.a, 1e-9), 1.0);
 }`;
 

@@ -475,12 +475,9 @@ export class MeshShadows {
     gl.uniform3fv(at("floorX"), floorX);
     gl.uniform3fv(at("floorY"), floorY);
     gl.uniform1f(at("floorAlbedo"), floor?.albedo ?? 0);
-    gl.uniform1f(at("floorSpread"), this.floorSpread);
     gl.uniform3fv(at("floorRadiance"), floor?.radiance ?? [1, 1, 1]);
     gl.uniform1i(at("floorMissed"), UNITS.floorMissed);
-    gl.uniform1i(at("floorAway"), UNITS.floorAway);
     bindTexture(gl, UNITS.floorMissed, map?.missed ?? null);
-    bindTexture(gl, UNITS.floorAway, map?.away ?? null);
   }
 
   /** Sets what the shaders of the mesh and of the floor read. @param {At} at @param {{width: number, height: number}} size of the canvas */
