@@ -270,18 +270,21 @@ float heightAbove() {
 }
 void main() {
   vec2 size = vec2(textureSize(hidden, 0)), uv = gl_FragCoord.xy / size;
+  // Shadows of single directions join if each is as wide as the angle between them: the farther what casts it, the wider. Mipmaps alone would show their outlines.
+  vec2 close = textureLod(floorAway, uv, 3.0).rg, away = close + 0.05 * textureLod(floorAway, uv, 5.0).rg;
+  float wide = softness * away.x / max(away.y, 1e-9);
+  missed = vec4(vec3(0.0), UNSHADOWED);
+  reflected = vec4(0.0);
+  if (textureLod(hidden, uv, log2(1.0 + WIDEST * wide) + 1.0).rgb == vec3(0.0)) return;
   float height = heightAbove(), level = log2(1.0 + min(height, MOST_SEEN));
   vec4 around = textureLod(hidden, uv, level);
   float open = 1.0 - dot(around.rgb, vec3(0.2126, 0.7152, 0.0722)) / max(around.a, 1e-9);
   open = clamp(open * (1.0 - dot(suns, vec4(1.0))) + dot(suns, textureLod(openSuns, uv, level)), 0.001, 1.0);
-  // Shadows of single directions join if each is as wide as the angle between them: the farther what casts it, the wider. Mipmaps alone would show their outlines.
-  vec2 close = textureLod(floorAway, uv, 3.0).rg, away = close + 0.05 * textureLod(floorAway, uv, 5.0).rg;
-  float wide = away.y > 0.0 ? min(softness * away.x / away.y, 0.5 * height) : 0.0; // the maps have the depth of the scene's upper side
+  wide = min(wide, 0.5 * height); // the maps have the depth of the scene's upper side
   vec4 all = vec4(0.0);
   vec3 back = vec3(0.0);
   float total = 0.0;
-  bool isShadowed = textureLod(hidden, uv, log2(1.0 + WIDEST * wide) + 1.0).rgb != vec3(0.0);
-  for (int i = 0; i < (isShadowed ? TAPS : 1); i++) {
+  for (int i = 0; i < TAPS; i++) {
     float turn = 2.399963 * float(i), share = (float(i) + 0.5) / float(TAPS); // a spiral by the golden angle
     vec2 at = uv + WIDEST * wide * sqrt(share) * vec2(cos(turn), sin(turn)) / size;
     float weight = exp(-2.0 * share);
