@@ -196,6 +196,99 @@ def test_floor_of_a_preview_ends_where_the_renderer_ends_it(farm: Farm, watched:
     assert watched.errors == []
 
 
+def _box(low: tuple[float, float, float], high: tuple[float, float, float], before: int) -> str:
+    """Returns an OBJ's box. before: corners of those before it."""
+    corners = "".join(f"v {x} {y} {z}\n" for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2]))
+    faces = ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4")
+    return corners + "".join(f"f {' '.join(str(int(corner) + before) for corner in face.split())}\n" for face in faces)
+
+
+FEET = [(-1.8, -1.3), (1.6, -1.3), (-1.8, 1.1), (1.6, 1.1)]
+TABLE = _box((-2, 0.3, -1.5), (2, 1.6, 1.5), 0)
+TABLE += "".join(_box((x, 0, z), (x + 0.2, 0.3, z + 0.2), 8 * (i + 1)) for i, (x, z) in enumerate(FEET))
+
+
+@pytest.mark.long
+def test_floor_of_a_preview_is_nearly_black_below_a_low_body(farm: Farm, watched: Watched) -> None:
+    """White feet and a white bottom 0.3 above the floor reflect next to nothing: what they see is dark too."""
+    page = watched.page
+    page.goto(farm.url)
+    view = {"eye": [0, 0.9, 14], "target": [0, 0.8, 0], "up": [0, 1, 0], "fov": 30}
+    below = [[0, 0, z] for z in (0.6, 0, -0.6)]
+    assert max(color[1] for color in page.evaluate(DRAW_CUBE, [TABLE, below, False, view])) < 55
+    assert max(color[1] for color in page.evaluate(DRAW_CUBE, [TABLE, below, True, view])) < 30
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_floor_hides_a_preview_from_below(farm: Farm, watched: Watched) -> None:
+    """Its lower side is seen, in the light from below, which is weaker than that from above."""
+    page = watched.page
+    page.goto(farm.url)
+    view = {"eye": [0, -3, 9], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40}
+    for is_refined in (False, True):
+        colors = [color[1] for color in page.evaluate(DRAW_CUBE, [CUBE, [[0, 1, 1], [3, 0, 0], [-3, 3, 0]], is_refined, view])]
+        assert len(set(colors)) == 1
+        assert colors[0] == pytest.approx(75, abs=3), "as the path tracer's"
+    assert watched.errors == []
+
+
+# The same in the light of a sun, on a canvas that is large enough for shadows of half its resolution.
+SUN = "{ at: [-0.7, 0.6, 0.4], far: true, color: [1, 0.8, 0.6], axis: [0, 0, 0], cosines: [-2, -1] }"
+DRAW_IN_SUN = DRAW_CUBE.replace("textures: [] }", f"textures: [], lamps: [{SUN}] }}").replace("400px", "1000px")
+FROM_ABOVE = {"eye": [0, 9, 6], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 50}
+
+
+@pytest.mark.long
+def test_shadow_of_the_sun_in_a_preview_has_a_smooth_edge(farm: Farm, watched: Watched) -> None:
+    """Along its edge, the floor is as bright everywhere: half as bright as beside it."""
+    page = watched.page
+    page.set_viewport_size({"width": 1000, "height": 1000})
+    page.goto(farm.url)
+    edge = [[1 + 0.7 * t, 0, 1 - 0.4 * t] for t in np.arange(0.5, 2.5, 0.05)]
+    for is_refined, most in ((False, 15), (True, 7)):
+        colors = np.array(page.evaluate(DRAW_IN_SUN, [CUBE, edge, is_refined, FROM_ABOVE, {"color": [0.3, 0.4, 0.6]}]))
+        assert colors[:, 1].std() < most
+        assert 110 < colors[:, 1].mean() < 150
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_shadow_of_the_sun_in_a_preview_has_the_colour_of_the_sky(farm: Farm, watched: Watched) -> None:
+    """What a yellow cube reflects onto the floor in its shadow comes from there: not from the floor in the sun."""
+    page = watched.page
+    page.set_viewport_size({"width": 1000, "height": 1000})
+    page.goto(farm.url)
+    yellow = "".join(f"{line} 0.8 0.7 0.02\n" if line.startswith("v") else f"{line}\n" for line in CUBE.splitlines())
+    shadow = [[1.3 + 0.7 * t, 0, -0.4 * t] for t in (0, 0.4, 0.8, 1.2)]
+    for is_refined in (False, True):
+        for red, _, blue in page.evaluate(DRAW_IN_SUN, [yellow, shadow, is_refined, FROM_ABOVE, {"color": [0.03, 0.04, 0.06]}]):
+            assert red < blue < 40
+    assert watched.errors == []
+
+
+KEEP = """const picture = new OffscreenCanvas(40, 40);
+  const paint = picture.getContext("2d");
+  paint.fillStyle = "#00ff00";
+  paint.fillRect(0, 0, 40, 40);
+  mesh.keep(picture, { eye: [0, 3, 12], target: [0, 1, 0], up: [0, 1, 0], fov: 30 });
+  mesh.draw();
+  const copy ="""
+
+
+@pytest.mark.long
+def test_kept_picture_has_its_floor_as_far_as_the_renderer(farm: Farm, watched: Watched) -> None:
+    """While the camera turns around, the floor that a green picture shows is green; all other floor has its own light."""
+    page = watched.page
+    page.goto(farm.url)
+    view = {"eye": [0, 3, -12], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 30}
+    known, other = [[0, 0, -3]], [[0, 0, 30], [3, 0, 30], [10, 0, 60]]
+    found = page.evaluate(DRAW_CUBE.replace("const copy =", KEEP), [CUBE, known + other, False, view])
+    assert found[0] == [0, 255, 0]
+    assert found[1:] == [[pytest.approx(181, abs=3)] * 3] * 3
+    assert watched.errors == []
+
+
 @pytest.mark.long
 def test_first_shadow_of_a_preview_is_slightly_tinted_and_without_steps(farm: Farm, watched: Watched) -> None:
     """A slight tint of a red cube, as in the path tracer's picture, no black at the contact, and no edges of directions."""

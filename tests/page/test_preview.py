@@ -243,7 +243,7 @@ def test_light_is_prepared_before_a_kept_picture_is_measured(node: Node) -> None
         const calls = [];
         const note = (name) => ({ value: () => void calls.push(name) });
         const gl = new Proxy({}, { get: (_, name) => (name === "isContextLost" ? () => false : () => {}) });
-        const kept = { distance: () => a.distance, measure: () => calls.push("measure"), drawBehind() {} };
+        const kept = { distance: () => a.distance, measure: () => calls.push("measure"), drawBehind() {}, view: a.view };
         const canvas = Object.create(m.MeshCanvas.prototype, {
             gl: { value: gl },
             kept: { value: kept },

@@ -3,6 +3,7 @@
  * camera that it was rendered for onto the preview mesh, onto the floor, and onto what is far away.
  */
 
+import { TONEMAP_GLSL } from "../film/tonemap.js";
 import { cameraAxes, clipMatrix } from "./mesh-camera.js";
 import { programOf } from "./mesh-program.js";
 
@@ -82,9 +83,22 @@ void main() {
   float alone = smoothstep(0.85, 1.0, open(1.0, uv, MARGIN));
   pixel = vec4(textureLod(kept, uv, 0.0).rgb, 1.0) * alone;
 }`;
+const WITH_FLOOR = `#version 300 es
+uniform vec4 floorLight; // exposed radiance of the floor where no shadow falls on it; alpha 0: it is not known
+uniform int curve;
+out vec2 at;
+flat out vec4 floorShown;
+${TONEMAP_GLSL}
+void main() {
+  at = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
+  floorShown = vec4(displayed(floorLight.rgb, curve), floorLight.a);
+  gl_Position = vec4(at, 0.9999999, 1.0);
+}`;
 const FRAGMENT = `#version 300 es
 precision highp float;
 ${KEPT_GLSL}
+flat in vec4 floorShown;
+uniform vec2 shaded; // distances from the middle between which the floor's shadow ends
 uniform bool isSame;
 uniform vec3 eye;
 uniform vec3 forward;
@@ -92,7 +106,7 @@ uniform vec3 across;
 uniform vec3 upward;
 uniform vec3 above;
 uniform float floorHeight;
-uniform float reach; // how far the floor is drawn; 0: there is none
+uniform float reach; // half the floor's side length; 0: there is none
 uniform sampler2D keptBehind;
 in vec2 at;
 out vec4 pixel;
@@ -108,7 +122,7 @@ vec4 filled(vec3 place, vec4 lying) {
     vec4 found = textureLod(keptBehind, uv, float(level));
     sum += (1.0 - sum.a) * smoothstep(0.0, 0.6, found.a) * vec4(found.rgb / max(found.a, 1e-3), 1.0);
   }
-  float known = edge.x * edge.y * step(0.05, sum.a);
+  float known = edge.x * edge.y * step(0.05, sum.a) * (1.0 - floorShown.a * smoothstep(shaded.x, shaded.y, length(place)));
   return vec4(mix(sum.rgb / max(sum.a, 1e-3), lying.rgb, lying.a), max(lying.a, known));
 }
 vec3 distant(vec3 way) {
@@ -135,21 +149,25 @@ void main() {
   if (away > 0.0) {
     vec4 lying = keptAt(from + away * way, above, MARGIN);
     if (lying.a < 1.0) lying = filled(from + away * way, lying);
-    color = mix(color, lying.rgb, lying.a * (1.0 - smoothstep(0.5 * reach, reach, away)));
+    vec3 exits = (reach - sign(way) * (from - dot(from, above) * above)) / max(abs(way - fall * above), 1e-6) + 1e9 * abs(above); // distance to the floor's sides
+    float left = dot(from, above) - floorHeight + fall * min(exits.x, min(exits.y, exits.z)); // height above the floor's edge
+    float onFloor = clamp(0.5 - left / max(fwidth(left), 1e-9), 0.0, 1.0);
+    color = mix(color, mix(floorShown.rgb, lying.rgb, lying.a), onFloor * max(floorShown.a, lying.a));
   }
   pixel = vec4(color, 1.0);
 }`;
 
 /** Turn of the camera, as an angle plus its way by its distance, from which a kept picture shows little of what the camera sees. */
 const FAR_TURN = 0.9;
-/** How far the floor is drawn, in radii of the scene. */
-const FLOOR_REACH = 12;
+
+/** Distances from the middle, in radii of the scene, between which what the picture hides of the floor is no longer coloured as what is beside it. */
+const SHADED = [2, 4];
 
 export class KeptPicture {
   /** @param {WebGL2RenderingContext} gl */
   constructor(gl) {
     this.gl = gl;
-    this.program = programOf(gl, VERTEX, FRAGMENT);
+    this.program = programOf(gl, WITH_FLOOR, FRAGMENT);
     /** @type {WebGLTexture | null} */
     this.color = null;
     /** @type {WebGLTexture | null} */
@@ -235,7 +253,7 @@ export class KeptPicture {
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, this.depth, 0);
     gl.viewport(0, 0, width, height);
     gl.clear(gl.DEPTH_BUFFER_BIT);
-    this.drawBehind(mesh, view, width / height, [0, 1, 0], false); // where there is no mesh the picture is as bright as itself
+    this.drawBehind(mesh, view, width / height, [0, 1, 0], null); // where there is no mesh the picture is as bright as itself
     drawMesh(clipMatrix(view, width / height, mesh.low, mesh.high), view);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.activeTexture(gl.TEXTURE3);
@@ -308,9 +326,9 @@ export class KeptPicture {
    * @param {View} seen the camera
    * @param {number} aspect
    * @param {Vec3} above upward in the scene
-   * @param {boolean} hasFloor
+   * @param {{reach: number, light: Vec3 | null, curve: number} | null} floor reach: half its side length. light: its exposed radiance where no shadow falls on it, if that is known
    */
-  drawBehind(mesh, seen, aspect, above, hasFloor) {
+  drawBehind(mesh, seen, aspect, above, floor) {
     const { gl, program } = this;
     if (!program || !this.view) return;
     const { low, high } = mesh;
@@ -320,7 +338,6 @@ export class KeptPicture {
     const half = isFlat(seen) ? (seen.height ?? 2) / 2 : Math.tan((seen.fov * Math.PI) / 360);
     const [right, up, back] = cameraAxes(seen);
     const [shiftX, shiftY] = [half * 2 * (seen.shift_x ?? 0), half * 2 * (seen.shift_y ?? 0)];
-    const radius = Math.hypot(...high.map((value, i) => value - (low[i] ?? 0))) / 2;
     const ground = above.map((value, i) => value * ((value > 0 ? (low[i] ?? 0) : (high[i] ?? 0)) - ((low[i] ?? 0) + (high[i] ?? 0)) / 2));
     gl.uniform1i(at("isSame"), this.distance(seen) === 0 ? 1 : 0);
     const shift = [0, 1, 2].map((i) => shiftX * (right[i] ?? 0) + shiftY * (up[i] ?? 0));
@@ -331,7 +348,10 @@ export class KeptPicture {
     gl.uniform3fv(at("upward"), up.map((value) => value * half));
     gl.uniform3fv(at("above"), above);
     gl.uniform1f(at("floorHeight"), ground.reduce((sum, value) => sum + value, 0));
-    gl.uniform1f(at("reach"), hasFloor ? FLOOR_REACH * radius : 0);
+    gl.uniform1f(at("reach"), floor?.reach ?? 0);
+    gl.uniform4fv(at("floorLight"), floor?.light ? [...floor.light, 1] : [0, 0, 0, 0]);
+    gl.uniform1i(at("curve"), floor?.curve ?? 0);
+    gl.uniform2fv(at("shaded"), SHADED.map((value) => (value * Math.hypot(...high.map((top, i) => top - (low[i] ?? 0)))) / 2));
     gl.disable(gl.DEPTH_TEST);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.enable(gl.DEPTH_TEST);

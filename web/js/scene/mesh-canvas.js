@@ -10,7 +10,7 @@ import { MIRROR_UNITS, MeshMirrors, isMirror } from "./mesh-mirror.js";
 import { placeOf } from "./mesh-parts.js";
 import { Programs } from "./mesh-program.js";
 import { BACKDROP_FRAGMENT, BACKDROP_VERTEX, DENSE_FRAGMENT, DENSE_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, FRAGMENT, MOST_LAMPS, PASS, PLACES, VERTEX } from "./mesh-shader.js";
-import { FLOOR_DIAGONALS, FLOOR_REACH, floorMap, radiusOf } from "./mesh-shadow-places.js";
+import { FLOOR_REACH, floorMap, floorReach } from "./mesh-shadow-places.js";
 import { MeshShadows } from "./mesh-shadow.js";
 import { LIT_SAMPLE, SAMPLE, SAMPLE_VIEW } from "./mesh-sample.js";
 import { aroundTexture, fillTexel, fillTexture, standInOf, tablesOf, texelTexture } from "./mesh-textures.js";
@@ -77,7 +77,7 @@ export class MeshCanvas {
     this.textures = [];
     /** Vertices and indices of the mesh. @type {WebGLBuffer[]} */
     this.buffers = [];
-    /** The light around, and for which floor it was computed. @type {{texture: WebGLTexture, irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[], rectangles: (import("./mesh-lamps.js").Rectangle | null)[], hasFloor: boolean, above: Vec3, isBlack: boolean, beyond: Vec3 | null} | null} */
+    /** The light around, and for which floor it was computed. @type {{texture: WebGLTexture, irradiance: Float32Array, lamps: import("../news/mesh-packet.js").Lamp[], rectangles: (import("./mesh-lamps.js").Rectangle | null)[], hasFloor: boolean, above: Vec3, isBlack: boolean, floor: import("./mesh-environment.js").LightTables["floor"], below: WebGLTexture | null} | null} below: the light around below the floor, once it was seen */
     this.light = null;
     /** The light that the request chooses. @type {import("../base/types.js").EnvironmentRequest} */
     this.chosen = {};
@@ -124,8 +124,7 @@ export class MeshCanvas {
     gl.enable(gl.DEPTH_TEST);
     for (const each of this.buffers.splice(0)) gl.deleteBuffer(each); // of an earlier mesh
     for (const each of this.textures) gl.deleteTexture(each);
-    if (this.light) gl.deleteTexture(this.light.texture);
-    this.light = null;
+    this.forgetLight();
     this.mirrors?.forget();
     /** @param {number} target @param {any} data */
     const fill = (target, data) => {
@@ -203,10 +202,14 @@ export class MeshCanvas {
     if (!this.mesh || !isComputable(this.mesh, chosen)) return false;
     if (JSON.stringify(chosen) === JSON.stringify(this.chosen)) return true;
     this.chosen = chosen;
-    if (this.light) this.gl?.deleteTexture(this.light.texture);
-    this.light = null;
+    this.forgetLight();
     this.invalidate();
     return true;
+  }
+
+  forgetLight() {
+    for (const texture of this.light ? [this.light.texture, this.light.below] : []) this.gl?.deleteTexture(texture);
+    this.light = null;
   }
 
   get hasFloor() {
@@ -279,18 +282,23 @@ export class MeshCanvas {
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     const aspect = width / height;
-    const { kept } = this;
+    const isBelow = this.isBelow(mesh, view);
+    const kept = this.kept?.view && this.isBelow(mesh, this.kept.view) === isBelow ? this.kept : null; // else it shows the floor's other side
     const isSame = kept?.distance(view) === 0;
+    if ((kept || isBelow) && !isSame) this.prepareLight(mesh); // not while the mesh is measured or the canvas is drawn: it binds other framebuffers
     if (kept && !isSame) {
-      this.prepareLight(mesh); // not while the mesh is measured: it binds other framebuffers
       kept.measure(mesh, (toClip, from) => this.drawMesh(toClip, mesh, from, null, null));
     }
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    kept?.drawBehind(mesh, view, aspect, this.above, this.hasFloor);
+    kept?.drawBehind(mesh, view, aspect, this.above, this.keptFloor(mesh));
     canvas.dataset.drawn = String(mesh.triangles);
     if (isSame) return;
+    if (isBelow) {
+      this.drawBackdrop(view, aspect, mesh, this.prepareLight(mesh), this.backdropProgram());
+      return;
+    }
     const reach = !kept && this.hasFloor ? FLOOR_REACH : 1;
     this.drawMesh(clipMatrix(view, aspect, mesh.low, mesh.high, reach), mesh, view, kept, { width, height });
     if (this.isRefining) this.refining ||= requestAnimationFrame(() => this.refine());
@@ -298,7 +306,7 @@ export class MeshCanvas {
 
   /** Whether the shadows become better while the camera rests. */
   get isRefining() {
-    return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && this.held === undefined && this.settling === undefined && !this.shadows.isDone);
+    return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && this.view && !this.isBelow(this.mesh, this.view) && this.held === undefined && this.settling === undefined && !this.shadows.isDone);
   }
 
   /** Computes further shadows, and shows them once they are done. */
@@ -393,7 +401,7 @@ export class MeshCanvas {
     const hasBehind = onPage !== null && glass.length > 0;
     if (hasBehind) this.copyBehind(onPage, glass.some(({ material }) => material.roughness > BLURRED));
     if (onPage && !kept) {
-      this.drawBackdrop(view, onPage.width / onPage.height, mesh, light, programs.with(BACKDROP_VERTEX, BACKDROP_FRAGMENT, isDefaultCurve ? [] : ["CURVES"]));
+      this.drawBackdrop(view, onPage.width / onPage.height, mesh, light, this.backdropProgram());
     }
     if (glass.length && use(glass, PASS.glass, { isMirror: true })) {
       gl.uniform1i(this.at("hasBehind"), hasBehind ? 1 : 0);
@@ -475,9 +483,9 @@ export class MeshCanvas {
     const isBlack = environment === null;
     const { lamps, around } = lampsOf(chosen, isBlack, mesh);
     const tables = tablesOf(mesh, JSON.stringify(this.chosen), () => environment, { up: this.above, hasFloor, suns: sunsOn(this.above, lamps), around, isAlone: isBlack });
-    if (this.light) gl.deleteTexture(this.light.texture);
+    this.forgetLight();
     gl.activeTexture(gl.TEXTURE0 + UNITS.around);
-    this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, rectangles: rectanglesOf(mesh, lamps), hasFloor, above: this.above, isBlack, beyond: tables.floor?.beyond ?? null };
+    this.light = { texture: aroundTexture(gl, tables), irradiance: tables.irradiance, lamps, rectangles: rectanglesOf(mesh, lamps), hasFloor, above: this.above, isBlack, floor: tables.floor, below: null };
     if (this.shadows?.isPossible) this.shadows.begin({ mesh, tables, lamps: lamps.slice(0, MOST_LAMPS), above: hasFloor ? this.above : null, isAlone: isBlack, drawPart: (part, material, at) => this.drawShape(part, material, at) });
     return this.light;
   }
@@ -545,35 +553,73 @@ export class MeshCanvas {
     gl.disable(gl.BLEND);
   }
 
+  /** Returns the program that draws what is behind the mesh. */
+  backdropProgram() {
+    return this.programs?.with(BACKDROP_VERTEX, BACKDROP_FRAGMENT, this.look.curve === curveIndex(DEFAULT_CURVE) ? [] : ["CURVES"]) ?? null;
+  }
+
   /** @param {View} view @param {number} aspect @param {MeshPacket} mesh @param {NonNullable<MeshCanvas["light"]>} light @param {import("./mesh-program.js").Linked | null} linked */
-  drawBackdrop(view, aspect, mesh, { texture, isBlack, beyond }, linked) {
+  drawBackdrop(view, aspect, mesh, light, linked) {
     const { gl } = this;
     if (!gl || !linked) return;
     const { program, at } = linked;
+    const { isBlack, floor } = light;
     const [right, up, back] = cameraAxes(view);
     const isFlat = view.projection === "orthographic";
     const half = isFlat ? 0 : Math.tan((Math.min(view.fov, 170) * Math.PI) / 360);
     const [shiftX, shiftY] = [2 * half * (view.shift_x ?? 0), 2 * half * (view.shift_y ?? 0)];
     gl.useProgram(program);
-    bind(gl, UNITS.around, texture);
+    const isBelow = this.isBelow(mesh, view);
+    bind(gl, UNITS.around, isBelow ? this.aroundBelow(light) : light.texture);
     gl.uniform1i(at("around"), UNITS.around);
     gl.uniform1f(at("gain"), isBlack ? 0 : this.look.gain);
     gl.uniform1i(at("curve"), this.look.curve);
     gl.uniform3fv(at("forward"), back.map((value, i) => shiftX * (right[i] ?? 0) + shiftY * (up[i] ?? 0) - value));
     gl.uniform3fv(at("across"), right.map((value) => half * aspect * value));
     gl.uniform3fv(at("upward"), up.map((value) => half * value));
-    const { above, height } = floorMap({ mesh, above: this.above });
-    const reach = 2 * FLOOR_DIAGONALS * radiusOf(mesh);
-    const eye = fromMiddle(view.eye, mesh.low, mesh.high).map((value, i) => value - height * (above[i] ?? 0));
-    const isOver = beyond !== null && !isFlat && eye.every((value) => Math.abs(value) < reach) && eye.reduce((sum, value, i) => sum + value * (above[i] ?? 0), 0) > 0;
+    const { above } = floorMap({ mesh, above: this.above });
+    const reach = floorReach(mesh);
+    const eye = this.onFloor(mesh, view);
+    const isOver = floor !== null && !isFlat && eye.every((value) => Math.abs(value) < reach);
+    gl.uniform1i(at("isBelow"), isBelow ? 1 : 0);
+    gl.uniform3fv(at("lowerSide"), floor?.below.radiance ?? [0, 0, 0]);
     gl.uniform3fv(at("eye"), eye);
     gl.uniform3fv(at("above"), above);
     gl.uniform1f(at("reach"), isOver ? reach : 0);
-    gl.uniform3fv(at("beyond"), beyond ?? [0, 0, 0]);
+    gl.uniform3fv(at("beyond"), floor?.beyond ?? [0, 0, 0]);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE_MINUS_DST_ALPHA, gl.ONE); // under the floor
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.disable(gl.BLEND);
+  }
+
+  /** Returns a camera's place, relative to the middle of the floor. @param {MeshPacket} mesh @param {View} view */
+  onFloor(mesh, view) {
+    const { above, height } = floorMap({ mesh, above: this.above });
+    return fromMiddle(view.eye, mesh.low, mesh.high).map((value, i) => value - height * (above[i] ?? 0));
+  }
+
+  /** Returns what a kept picture shows as the floor where it does not show it. @param {MeshPacket} mesh */
+  keptFloor(mesh) {
+    if (!this.hasFloor || !this.light?.floor) return null;
+    const { lamps, floor } = this.light;
+    const suns = sunsOn(this.above, lamps);
+    const light = /** @type {Vec3} */ (floor.radiance.map((value, i) => this.look.gain * (value + floor.albedo * (suns[i] ?? 0))));
+    return { reach: floorReach(mesh), light: lamps.every(({ far }) => far) ? light : null, curve: this.look.curve };
+  }
+
+  /** Returns whether the floor hides the whole mesh from a camera. @param {MeshPacket} mesh @param {View} view */
+  isBelow(mesh, view) {
+    const { above } = floorMap({ mesh, above: this.above });
+    return this.hasFloor && view.projection !== "orthographic" && this.onFloor(mesh, view).reduce((sum, value, i) => sum + value * (above[i] ?? 0), 0) < 0;
+  }
+
+  /** Returns the light around the scene without the floor. @param {NonNullable<MeshCanvas["light"]>} light */
+  aroundBelow(light) {
+    const { gl } = this;
+    if (!gl || light.below || !light.floor) return light.below;
+    gl.activeTexture(gl.TEXTURE0 + UNITS.around);
+    return (light.below = aroundTexture(gl, { levels: [light.floor.below.around] }));
   }
 
   dispose() {

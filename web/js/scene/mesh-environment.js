@@ -66,7 +66,7 @@ export function studio() {
  *
  * @typedef {object} LightTables
  * @property {{width: number, height: number, texels: Float32Array}[]} levels RGBA, each half as large as the one before
- * @property {{radiance: Vec3, albedo: number, beyond: Vec3} | null} floor radiance: where no shadow falls on it. beyond: radiance just below the horizon, between the floor's far end and that, in proportion to the radiance just above; null: there is none
+ * @property {{radiance: Vec3, albedo: number, beyond: Vec3, below: {radiance: Vec3, around: LightTables["levels"][number]}} | null} floor radiance: where no shadow falls on it. below: of its lower side, and the light around that. beyond: radiance just below the horizon, between the floor's far end and that, in proportion to the radiance just above; null: there is none
  * @property {Float32Array} irradiance divided by pi, as nine coefficients of spherical harmonics, three values each
  */
 
@@ -110,6 +110,8 @@ let usual;
 /** Replaces what is below the horizon by the studio's floor, whose albedo makes it as bright as the horizon in the studio. @param {Float32Array} texels @param {Vec3} above @param {Vec3} suns @returns {LightTables["floor"]} without the suns, which the floor's shader adds */
 function layFloor(texels, above, suns) {
   const irradiance = upwardIrradiance(texels, above);
+  const fromBelow = upwardIrradiance(texels, /** @type {Vec3} */ (above.map((value) => -value)));
+  const around = { width: 2 * HEIGHT, height: HEIGHT, texels: withAlpha(texels) };
   usual ??= upwardIrradiance(studio().texels, [0, 1, 0])[0] ?? 1;
   const albedo = HORIZON / usual;
   const radiance = /** @type {Vec3} */ (irradiance.map((value) => value * albedo));
@@ -127,7 +129,7 @@ function layFloor(texels, above, suns) {
     if (along < 0) texels.set(sunny, 3 * i);
   }
   const beyond = /** @type {Vec3} */ (under.map((value, k) => (over[k] ?? 0) > 0 ? Math.max(value / (over[k] ?? 1), 0) : 1));
-  return { radiance, albedo, beyond };
+  return { radiance, albedo, beyond, below: { radiance: /** @type {Vec3} */ (fromBelow.map((value) => value * albedo)), around } };
 }
 
 /** Returns the irradiance of a horizontal surface divided by pi. @param {Float32Array} texels @param {Vec3} above */

@@ -5,29 +5,20 @@ export const FLOOR_TEXELS = 128;
 
 /** Functions that look up the floor's map, at a point or where a ray hits the floor. */
 export const FLOOR_MAP_GLSL = `
-uniform sampler2D floorMissed; // light that the floor misses, and as alpha the luminance of all light
+uniform sampler2D floorMissed; // as GIVEN_FRAGMENT writes it
 uniform vec4 floorPlane; // upward, and the floor's height; 0: there is no floor
 uniform vec3 floorX; // from the point below the middle, to coordinates of the map
 uniform vec3 floorY;
 uniform float floorAlbedo;
 uniform vec3 floorRadiance; // where nothing is in the light's way
 const float FLOOR_TEXELS = ${FLOOR_TEXELS}.0;
-uniform sampler2D floorAway; // how far what shadows it is, weighted, and the sum of the weights
-uniform float floorSpread; // angle between neighbouring directions of the light so far, in proportion to that of all
-const float BLUR = 0.09; // half the angle between neighbouring ones of all directions, about
-const vec2 FAINT = vec2(0.003, 0.011); // part of the light below which a shadow is that of a single direction, far from what casts it
+const vec2 FAINT = vec2(0.0, 0.01); // part of the light below which a shadow is that of a single direction, far from what casts it
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
-// Radiance that the floor lacks at a point of its map.
-vec3 lackingAt(vec2 uv, float level) {
+// Radiance that the floor lacks at a point of its map, and the width of its shadow.
+vec4 lackingAt(vec2 uv, float level) {
   vec2 edge = 1.0 - smoothstep(0.3, 0.5, abs(uv - 0.5));
   vec4 missed = textureLod(floorMissed, uv, floor(8.0 * level + 0.5) / 8.0); // levels that differ within a group of pixels are slow in software
-  vec3 part = missed.rgb / max(missed.a, 1e-9);
-  return edge.x * edge.y * smoothstep(FAINT.x, FAINT.y, abs(dot(part, LUMINANCE))) * part * dot(floorRadiance, LUMINANCE);
-}
-// Blur width of the floor's shadow, in texels: it grows with the distance of what casts the shadow. Negative: there is no shadow.
-float floorBlur(vec2 uv) {
-  vec2 away = textureLod(floorAway, uv, 3.0).rg;
-  return away.y > 0.0 ? floorSpread * BLUR * away.x / away.y * length(floorX) * FLOOR_TEXELS : -1.0;
+  return vec4(edge.x * edge.y * smoothstep(FAINT.x, FAINT.y, abs(dot(missed.rgb, LUMINANCE))) * missed.rgb * dot(floorRadiance, LUMINANCE), missed.a);
 }
 // Radiance that the floor lacks along a ray that goes downward, spread by roughness.
 vec3 missedFrom(vec3 place, vec3 way, float spread) {
@@ -36,5 +27,5 @@ vec3 missedFrom(vec3 place, vec3 way, float spread) {
   float far = max(dot(place, floorPlane.xyz) - floorPlane.w, 0.0) / fall;
   vec3 hit = place + far * way;
   vec2 uv = 0.5 + vec2(dot(hit, floorX), dot(hit, floorY));
-  return lackingAt(uv, log2(1.0 + spread * far * length(floorX) * FLOOR_TEXELS));
+  return lackingAt(uv, log2(1.0 + spread * far * length(floorX) * FLOOR_TEXELS)).rgb;
 }`;

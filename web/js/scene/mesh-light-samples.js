@@ -7,7 +7,7 @@
 const STEPS = /** @type {const} */ ([0.7548776662466927, 0.5698402909980532]);
 
 /** @param {number} red @param {number} green @param {number} blue */
-const luminance = (red, green, blue) => 0.2126 * red + 0.7152 * green + 0.0722 * blue;
+export const luminance = (red, green, blue) => 0.2126 * red + 0.7152 * green + 0.0722 * blue;
 
 /**
  * Returns directions whose colours, times the cosine of the angle to a normal, add up to irradiance divided by pi. The sum over the first k

@@ -338,7 +338,7 @@ layout(location = ${PLACES.color}) in vec4 color;
 layout(location = ${PLACES.uv}) in vec2 uv;
 out vec3 place;
 out vec4 shown;
-out vec2 texel;`;
+centroid out vec2 texel;`;
 const PLACE = `
   texel = uv;
   place = (share - 0.5) * extent;
@@ -410,10 +410,11 @@ uniform bool unlit;
 uniform int alphaMode; // 0: opaque, 1: mask, 2: blend
 uniform float cutoff;
 ${ENCODED_GLSL}
-in vec2 texel;
+centroid in vec2 texel;
 in vec3 place;
 in vec4 shown;
 out vec4 pixel;
+const float SHARPER = -1.0; // level of detail: mipmaps mix what lies side by side in a texture only, such as the black of tyres and white
 const float SOLID = 0.98; // opacity from which blended surfaces are drawn with the opaque ones
 bool isHidden(float opacity) {
   return (alphaMode == 1 && opacity < cutoff) || (alphaMode == 2 && (pass == ${PASS.blend}) == (opacity >= SOLID));
@@ -445,7 +446,7 @@ void main() {
     pixel = vec4(lit, 1.0);
     return;
   }
-  vec4 base = texture(image, texel);
+  vec4 base = texture(image, texel, SHARPER);
   if (alphaMode != 0 && isHidden(shown.a * base.a)) discard;
   vec3 color = lit * base.rgb + shine * mix(vec3(1.0), base.rgb, metallic) + emission;
   write(encoded(color * gain), 1.0, faceNormal(normalize(eye.xyz - eye.w * place)));
@@ -504,7 +505,7 @@ vec3 transmitted(vec3 n, vec3 v, float rough) {
 }
 #endif
 void main() {
-  vec4 base = texture(image, texel);
+  vec4 base = texture(image, texel, SHARPER);
   base = vec4(srgbDecode(shown.rgb) * base.rgb, shown.a * base.a);
   if (alphaMode != 0 && isHidden(base.a)) discard;
   vec3 v = normalize(eye.xyz - eye.w * place);
@@ -583,18 +584,18 @@ out vec4 pixel;
 const float NARROW = 2.0; // texels of the floor's map, up to which shadows are sharper than it
 void main() {
   vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
-  float wide = floorBlur(uv);
+  vec4 lacking = lackingAt(uv, 0.0);
   float slack = fwidth(gl_FragCoord.z);
   vec3 missed = vec3(0.0);
   vec4 open = vec4(1.0);
 #ifdef LAMPS
   bool isNear = true;
 #else
-  bool isNear = wide >= 0.0 && wide < NARROW; // most of the floor has no shadow, or a wide one
+  bool isNear = lacking.a < NARROW; // most of the floor has no shadow, or a wide one
 #endif
   if (isNear) shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, floorPlane.xyz, missed, open);
   missed *= dot(floorRadiance, LUMINANCE);
-  if (wide >= 0.0) missed = mix(missed, lackingAt(uv, log2(1.0 + wide)), smoothstep(0.0, NARROW, wide));
+  missed = mix(missed, lacking.rgb, smoothstep(0.0, NARROW, lacking.a));
   vec3 color = max(floorRadiance - missed, 0.0);
   float shown = 1.0;
 #ifdef LAMPS
@@ -627,6 +628,8 @@ uniform int curve;
 uniform vec3 eye; // relative to the middle of the floor
 uniform vec3 above; // normal of the floor
 uniform float reach; // half the floor's side length; 0: the floor, if there is one, reaches the horizon
+uniform bool isBelow; // the floor is seen from below; then the light around is without it
+uniform vec3 lowerSide; // radiance of the floor's lower side
 uniform vec3 beyond; // as LightTables has it
 ${AROUND_GLSL}
 ${TONEMAP_GLSL}
@@ -641,7 +644,8 @@ vec3 behind(vec3 way) {
   vec3 along = max(abs(way - fall * above), 1e-6);
   vec3 exits = (reach - sign(way) * eye) / along + 1e9 * abs(above); // distance to the floor's sides
   float left = dot(eye, above) + fall * min(exits.x, min(exits.y, exits.z)); // height above the floor's edge
-  float onFloor = clamp(0.5 - left / max(fwidth(left), 1e-9), 0.0, 1.0);
+  float onFloor = clamp(0.5 - (isBelow ? -left : left) / max(fwidth(left), 1e-9), 0.0, 1.0);
+  if (isBelow) return mix(reflected(way, 0.0), lowerSide, onFloor);
   vec3 color = reflected(normalize(way + max(HALF_ROW - fall, 0.0) * above), 0.0) * mix(beyond, vec3(1.0), smoothstep(-HORIZON, HORIZON, fall));
   return mix(color, reflected(-above, 0.0), onFloor);
 }

@@ -42,7 +42,9 @@ export class ShadowMaps {
     this.lamps = null;
     /** Depth of the floor and what lies on it, from above. */
     this.base = depthTarget(gl, FLOOR_TEXELS, FLOOR_TEXELS, gl.DEPTH_COMPONENT24);
-    /** Albedo of the scene, from below and from above in two quarters. */
+    /** Depth of the scene from below and from above, in two quarters. */
+    this.sides = depthTarget(gl, FLOOR_TEXELS, FLOOR_TEXELS, gl.DEPTH_COMPONENT24);
+    /** Albedo of the scene, likewise. */
     this.albedos = colorTarget(gl, FLOOR_TEXELS, FLOOR_TEXELS, gl.RGBA8, Math.log2(FLOOR_TEXELS) + 1);
     /** @type {Subject | null} */
     this.subject = null;
@@ -106,7 +108,7 @@ export class ShadowMaps {
   /** Draws the albedo of the scene as it is seen from below and from above. */
   drawAlbedos() {
     const { gl, subject } = this;
-    const linked = subject && this.target(this.base, FLOOR_TEXELS, true, ALBEDO_FRAGMENT);
+    const linked = subject && this.target(this.sides, FLOOR_TEXELS, true, ALBEDO_FRAGMENT);
     if (!linked) return;
     const across = albedoAxes(subject).map((axis) => axis.map((value) => 2 * value));
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.albedos, 0);

@@ -1,5 +1,6 @@
 /** Projections of a preview mesh's shadow maps, from directions and lamps, the place of the floor's map, and bounds of the scene. */
 
+import { FLOOR_TEXELS } from "./mesh-floor-shader.js";
 import { MOST_LAMP_TILES } from "./mesh-shadow-shader.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
@@ -15,13 +16,16 @@ const REACH = 3.5;
 export const FLOOR_REACH = 1 + REACH * Math.SQRT2;
 
 /** Half the side length of the studio's floor, in diagonals of the scene's bounds (renderer/scene/studio.py). */
-export const FLOOR_DIAGONALS = 30;
+const FLOOR_DIAGONALS = 30;
 
 /** @param {MeshPacket} mesh @returns {Vec3} */
 export const extentOf = ({ low, high }) => /** @type {Vec3} */ (high.map((value, i) => value - (low[i] ?? 0)));
 
 /** Returns the radius of the sphere around the scene's bounds. @param {MeshPacket} mesh */
 export const radiusOf = (mesh) => (Math.hypot(...extentOf(mesh)) / 2 || 1) * 1.001;
+
+/** Returns half the side length of the studio's floor. @param {MeshPacket} mesh */
+export const floorReach = (mesh) => 2 * FLOOR_DIAGONALS * radiusOf(mesh);
 
 /** @param {Vec3} a @param {Vec3} b @returns {Vec3} */
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -69,6 +73,8 @@ const ROOM = 0.01;
 
 /** Side length of the views of the scene's albedo, in radii. */
 const ALBEDO_SIDE = 2.1;
+/** Width of a texel of these views, half as many as the floor's map has along a side, in texels of that; and of the depth of the scene, from below to above. */
+export const [VIEW_TEXEL, VIEW_DEPTH] = [ALBEDO_SIDE / REACH, FLOOR_TEXELS / REACH];
 
 /** Returns the axes of the views of a scene's albedo, which turn places into shares of a view. @param {Subject} subject @returns {[Vec3, Vec3]} */
 export function albedoAxes(subject) {

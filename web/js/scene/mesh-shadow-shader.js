@@ -18,7 +18,7 @@ uniform float solid; // share of the light that the surface holds back
 uniform float threshold; // differs from map to map, so that a surface is drawn in a share of the maps that equals its opacity
 in vec3 place;
 in vec4 shown;
-in vec2 texel;
+centroid in vec2 texel;
 bool isHidden() {
   float opacity = alphaMode == 0 ? 1.0 : shown.a * texture(image, texel).a;
   if (alphaMode == 1) return opacity < cutoff;
@@ -168,6 +168,7 @@ layout(location = 1) out vec2 away; // how far what hides the light is, weighted
 #else
 ${FLOOR_MAP_GLSL}
 uniform sampler2D seenSmoothed;
+uniform sampler2D floorReflected; // as GIVEN_FRAGMENT writes it
 const float SPREAD = 0.3; // half the angle between neighbouring directions of a batch, about
 // Colour of what lies below the scene along a direction, in proportion to its luminance; white where nothing does.
 vec3 groundAlong(vec3 place, vec3 way, vec3 up) {
@@ -178,6 +179,13 @@ vec3 groundAlong(vec3 place, vec3 way, vec3 up) {
   vec4 found = textureLod(albedos, 0.5 * uv, 3.0); // from below, where no body hides it
   float luminance = dot(found.rgb, LUMINANCE);
   return mix(vec3(1.0), found.rgb / max(luminance, 1e-3), found.a * min(20.0 * luminance, 1.0));
+}
+#endif
+#ifndef FLOOR
+// Light that the floor receives from surfaces, in proportion to the luminance of all light: the map has it.
+vec3 reflectedOnFloor(vec3 place) {
+  vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
+  return textureLod(floorReflected, uv, 0.0).rgb;
 }
 #endif
 const float WITHIN = 0.75; // part of the light that comes from behind the surface, compared with that of other surfaces
@@ -197,6 +205,7 @@ void main() {
   vec3 up = cross(albedoX, albedoY) / dot(albedoX, albedoX);
   vec3 n = normalize(2.0 * texelFetch(seenSmoothed, pixelOf(ivec2(gl_FragCoord.xy)), 0).rgb - 1.0);
   float bent = bentOf(n, edge);
+  bool isFloor = dot(edge, floorPlane.xyz) > 0.99 && abs(dot(place, floorPlane.xyz) - floorPlane.w) < texelSize;
 #endif
   for (int i = 0; i < count; i++) {
     float cosine = dot(n, ways[i]);
@@ -224,12 +233,16 @@ void main() {
     float above = max(1.0 - bent, smoothstep(0.0, GRAZING, dot(edge, ways[i]))); // such a normal faces directions that are behind the surface
     open *= above;
     vec3 reflecting = isAlone ? groundAlong(place, ways[i], up) : mix(fromAbove, fromBelow, 0.5 + 0.5 * dot(up, ways[i]));
-    vec3 lost = (1.0 - open) * (colors[i] - mix(WITHIN, 1.0, above) * instead[i] * reflecting);
+    vec3 lost = (1.0 - open) * colors[i];
+    if (!isFloor) lost -= (1.0 - open) * mix(WITHIN, 1.0, above) * instead[i] * reflecting;
     // A direction below the horizon sees the floor, whose shadow is missing from the light.
     if (dot(ways[i], floorPlane.xyz) < 0.0) lost += open * colors[i] * min(missedFrom(place, ways[i], SPREAD) / max(floorRadiance, vec3(1e-6)), 1.0);
 #endif
     missed += cosine * vec4(lost, dot(colors[i], vec3(0.2126, 0.7152, 0.0722)));
   }
+#ifndef FLOOR
+  if (isFloor) missed.rgb -= missed.a * reflectedOnFloor(place);
+#endif
 }`;
 
 /**
@@ -240,15 +253,61 @@ export const GIVEN_FRAGMENT = `#version 300 es
 precision highp float;
 uniform sampler2D hidden; // as GATHER_FRAGMENT writes them
 uniform sampler2D given;
+uniform sampler2D under; // depth of the scene from below, in a quarter
+uniform float texelWidth; // of a texel of that, in texels of the floor's map
+uniform float perDepth; // height in texels of the floor's map, by depth
+uniform float ground; // depth of the floor
+uniform sampler2D openSuns; // as LAMPS_FRAGMENT writes it
+uniform vec4 suns; // part of the floor's light that comes from each lamp
 uniform float most; // factor of what is given where all light reaches the floor around
 uniform float power; // by which it depends on that light
-out vec4 missed;
+layout(location = 0) out vec4 missed; // in proportion to the luminance of all light; and the width of its shadow in texels
+layout(location = 1) out vec4 reflected; // the part of it that surfaces reflect, likewise
+uniform sampler2D floorAway;
+uniform float softness; // half the angle between neighbouring directions, times the texels of the map in a unit of the scene
+const float MOST_SEEN = 8.0; // texels around that a surface above sees at most: what is beside the scene is seen from its sides
+const int TAPS = 12;
+const float WIDEST = 2.4; // reach of the blur, in widths of a shadow
+const float UNSHADOWED = 100.0; // width where there is no shadow: wider than any that matters
+// Height of what is above the floor, in texels.
+float heightAbove() {
+  ivec2 size = textureSize(under, 0) / 2;
+  vec2 middle = vec2(size) * 0.5 + (gl_FragCoord.xy - 0.5 * vec2(textureSize(hidden, 0))) / texelWidth;
+  float sum = 0.0;
+  for (int i = 0; i < 9; i++) {
+    ivec2 texel = clamp(ivec2(middle + vec2(i % 3 - 1, i / 3 - 1) / texelWidth), ivec2(0), size - 1);
+    sum += texelFetch(under, texel, 0).r;
+  }
+  return max(sum / 9.0 - ground, 0.0) * perDepth;
+}
 void main() {
-  vec2 uv = gl_FragCoord.xy / vec2(textureSize(hidden, 0));
-  vec4 around = textureLod(hidden, uv, 3.0); // no wider: the maps that tell distances have the depth of the scene's upper side, not of the lower one, which sees this
-  float open = clamp(1.0 - dot(around.rgb, vec3(0.2126, 0.7152, 0.0722)) / max(around.a, 1e-9), 0.001, 1.0);
-  vec4 all = texelFetch(hidden, ivec2(gl_FragCoord.xy), 0);
-  missed = vec4(all.rgb - most * pow(open, power) * texelFetch(given, ivec2(gl_FragCoord.xy), 0).rgb, all.a);
+  vec2 size = vec2(textureSize(hidden, 0)), uv = gl_FragCoord.xy / size;
+  // Shadows of single directions join if each is as wide as the angle between them: the farther what casts it, the wider. Mipmaps alone would show their outlines.
+  vec2 close = textureLod(floorAway, uv, 3.0).rg, away = close + 0.05 * textureLod(floorAway, uv, 5.0).rg;
+  float wide = softness * away.x / max(away.y, 1e-9);
+  missed = vec4(vec3(0.0), UNSHADOWED);
+  reflected = vec4(0.0);
+  if (textureLod(hidden, uv, log2(1.0 + WIDEST * wide) + 1.0).rgb == vec3(0.0)) return;
+  float height = heightAbove(), level = log2(1.0 + min(height, MOST_SEEN));
+  vec4 around = textureLod(hidden, uv, level);
+  float open = 1.0 - dot(around.rgb, vec3(0.2126, 0.7152, 0.0722)) / max(around.a, 1e-9);
+  open = clamp(open * (1.0 - dot(suns, vec4(1.0))) + dot(suns, textureLod(openSuns, uv, level)), 0.001, 1.0);
+  wide = min(wide, 0.5 * height); // the maps have the depth of the scene's upper side
+  vec4 all = vec4(0.0);
+  vec3 back = vec3(0.0);
+  float total = 0.0;
+  for (int i = 0; i < TAPS; i++) {
+    float turn = 2.399963 * float(i), share = (float(i) + 0.5) / float(TAPS); // a spiral by the golden angle
+    vec2 at = uv + WIDEST * wide * sqrt(share) * vec2(cos(turn), sin(turn)) / size;
+    float weight = exp(-2.0 * share);
+    all += weight * textureLod(hidden, at, log2(1.0 + 0.6 * wide));
+    back += weight * textureLod(given, at, log2(1.0 + 0.6 * wide)).rgb;
+    total += weight;
+  }
+  all /= total;
+  back *= most * pow(open, power) / total;
+  missed = vec4((all.rgb - back) / max(all.a, 1e-9), close.y > 0.0 ? min(softness * close.x / close.y, UNSHADOWED) : UNSHADOWED);
+  reflected = vec4(back / max(all.a, 1e-9), 1.0);
 }`;
 
 /** Blurs what is missed along a surface, and divides it by the light of all directions. */
@@ -297,22 +356,46 @@ uniform vec2 lampOf[${MOST_LAMP_TILES}]; // its number, and the width of a texel
 uniform vec4 places[4]; // of the lamps, with 1, or directions to them, with 0
 out vec4 part;
 ${POINT_GLSL}
+#ifndef FLOOR
+// Where the surface through a point is seen so many pixels away.
+vec3 beside(vec3 place, vec3 n, vec2 pixels) {
+  vec2 at = 2.0 * (gl_FragCoord.xy + pixels) / vec2(textureSize(seenDepth, 0)) - 1.0;
+  vec4 near = fromClip * vec4(at, -1.0, 1.0), far = fromClip * vec4(at, 1.0, 1.0);
+  vec3 from = near.xyz / near.w, way = far.xyz / far.w - from;
+  return from + dot(n, place - from) / dot(n, way) * way - place;
+}
+#endif
+const float MOST_STEP = 0.01; // of a tile's width
+// Way in a tile from a sample to the next one, for a way between pixels in the scene.
+vec3 stepOf(mat4 toTile, vec4 seen, vec3 way) {
+  vec4 moved = toTile * vec4(way, 0.0);
+  vec3 found = 0.25 * (moved.xyz - moved.w * seen.xyz / seen.w) / seen.w;
+  return found * min(1.0, MOST_STEP / max(length(found.xy), 1e-9));
+}
 void main() {
   vec3 place, n;
   vec4 open = vec4(1.0);
   part = open;
   if (!point(place, n)) return;
+  vec3 right = vec3(0.0), upward = vec3(0.0);
+#ifndef FLOOR
+  right = beside(place, n, vec2(1.0, 0.0));
+  upward = beside(place, n, vec2(0.0, 1.0));
+#endif
   for (int i = 0; i < count; i++) {
     int lamp = int(lampOf[i].x);
     vec3 way = places[lamp].xyz - places[lamp].w * place;
     float texelSize = lampOf[i].y * (places[lamp].w > 0.5 ? length(way) : 1.0);
     vec4 seen = toTile[i] * vec4(place + texelSize * (1.5 * n + normalize(way)), 1.0);
     if (seen.w <= 0.0 || max(abs(seen.x), abs(seen.y)) >= seen.w) continue;
-    float depth = clamp(0.5 + 0.5 * seen.z / seen.w, 0.0, 1.0);
+    // The filter is as wide as the pixel, or the map's texels where these are wider.
+    vec3 middle = 0.5 + 0.5 * seen.xyz / seen.w;
+    vec3 x = stepOf(toTile[i], seen, right), y = stepOf(toTile[i], seen, upward);
     float found = 0.0;
     for (int k = 0; k < 16; k++) { // each compares four texels
       vec2 step = vec2(k & 3, k >> 2) - 1.5;
-      vec2 inTile = 0.5 + 0.5 * seen.xy / seen.w + texelWidth * step;
+      vec2 inTile = middle.xy + texelWidth * step + step.x * x.xy + step.y * y.xy;
+      float depth = clamp(middle.z + min(step.x * x.z + step.y * y.z, 0.0), 0.0, 1.0);
       vec2 uv = (clamp(inTile, texelWidth, 1.0 - texelWidth) + vec2(i % across, i / across)) * filled / float(across);
       vec2 weight = 2.0 - abs(step);
       found += weight.x * weight.y * texture(maps, vec3(uv, depth)) / 16.0;

@@ -8,10 +8,11 @@
 
 import { irradianceAt } from "./mesh-environment.js";
 import { FLOOR_TEXELS } from "./mesh-floor-shader.js";
-import { lightSamples } from "./mesh-light-samples.js";
+import { sunsOn } from "./mesh-lamps.js";
+import { lightSamples, luminance } from "./mesh-light-samples.js";
 import { FLOOR_VERTEX, VERTEX } from "./mesh-shader.js";
 import { BASE, ShadowMaps } from "./mesh-shadow-maps.js";
-import { albedoAxes, extentOf, floorMap, placeOf, radiusOf } from "./mesh-shadow-places.js";
+import { VIEW_DEPTH, VIEW_TEXEL, albedoAxes, extentOf, floorMap, placeOf, radiusOf } from "./mesh-shadow-places.js";
 import { FLOOR_NORMAL_FRAGMENT, GATHER_FRAGMENT, GATHER_VERTEX, GIVEN_FRAGMENT, LAMPS_FRAGMENT, NORMAL_FRAGMENT, SMOOTH_FRAGMENT, TILES, TOGETHER } from "./mesh-shadow-shader.js";
 import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
 
@@ -27,6 +28,8 @@ import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
  * reflected more than once too, and the power of the light that reaches the floor around, which they see. Chosen by comparison with path-traced pictures.
  */
 const [GIVEN, GIVEN_POWER] = [1.2, 0.7];
+/** Half the angle between neighbouring ones of all directions, about. */
+const APART = 0.09;
 /** Share of the surrounding light that remains where surfaces block it, if that light only estimates what surfaces reflect. */
 const REFLECTED = 0.6;
 /** Texture units; those of the mesh are below. */
@@ -51,7 +54,7 @@ const SLACK = 1e-4;
 /** @typedef {(name: string) => WebGLUniformLocation | null} At */
 /** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, isAlone: boolean, drawPart: (part: MeshPart, material: MeshMaterial, at: At) => void}} Subject isAlone: whether only lamps light it. above: up in the scene, if it stands on a floor */
 /** What the camera sees, with normals as EDGED_GLSL has them and smoothed ones, and the light that misses it: added up coarsely and finely, and smoothed. @typedef {{width: number, height: number, depth: WebGLTexture, normal: WebGLTexture, smoothed: WebGLTexture, coarse: WebGLTexture, fine: WebGLTexture, missed: WebGLTexture, open: WebGLTexture}} Seen */
-/** Textures of the floor's map: the light that it misses, and how far what shadows it is; and of what these are computed from, the light that is hidden, and that which is reflected in its place. @typedef {{missed: WebGLTexture, away: WebGLTexture, hidden: WebGLTexture, given: WebGLTexture}} Floor */
+/** Textures of the floor's map: the light that it misses, and how far what shadows it is; and of what these are computed from, the light that is hidden, that which is reflected in its place, and the parts of the lamps' light. @typedef {{missed: WebGLTexture, away: WebGLTexture, hidden: WebGLTexture, given: WebGLTexture, open: WebGLTexture, reflected: WebGLTexture}} Floor */
 
 export class MeshShadows {
   /**
@@ -69,6 +72,8 @@ export class MeshShadows {
     this.samples = [];
     /** What white surfaces reflect in place of each sample's light. @type {number[]} */
     this.instead = [];
+    /** The same of surfaces in the light of lamps that are far away. @type {number[]} */
+    this.insteadInSun = [];
     /** @type {ShadowMaps | null} */
     this.maps = null;
     /** @type {Floor | null} */
@@ -94,6 +99,11 @@ export class MeshShadows {
     return !this.isPossible || !this.subject || this.fine === this.samples.length;
   }
 
+  /** Angle between neighbouring directions that the floor's map has, in proportion to that of all. */
+  get floorSpread() {
+    return Math.sqrt(Math.max(1, this.samples.length / (this.onFloor || 1)));
+  }
+
   /** Begins the shadows of another mesh, or of another light; those of the same shape, which the service has read too, stay. @param {Subject} subject */
   begin(subject) {
     const { gl } = this;
@@ -111,11 +121,12 @@ export class MeshShadows {
       const received = irradianceAt(tables.irradiance, /** @type {Vec3} */ (way.map((value) => -value)));
       return received.map((value) => weight * value);
     });
+    this.insteadInSun = this.samples.flatMap(({ way, weight }, i) => sunsOn(/** @type {Vec3} */ (way.map((value) => -value)), subject.lamps).map((value, k) => (this.instead[3 * i + k] ?? 0) + weight * value));
     this.onFloor = this.fine = 0;
     if (!this.floor) {
       const target = (/** @type {number} */ format, levels = LEVELS) => colorTarget(gl, FLOOR_TEXELS, FLOOR_TEXELS, format, levels);
       gl.activeTexture(gl.TEXTURE0 + UNITS.floorMissed);
-      this.floor = { missed: target(gl.RGBA16F), away: target(gl.RG16F), hidden: target(gl.RGBA16F), given: target(gl.RGBA16F, 1) };
+      this.floor = { missed: target(gl.RGBA16F), away: target(gl.RG16F), hidden: target(gl.RGBA16F), given: target(gl.RGBA16F), open: target(gl.RGBA8), reflected: target(gl.RGBA16F, 1) };
     }
     this.clearFloor();
     this.mipmap(this.floor.missed, this.floor.away);
@@ -164,7 +175,7 @@ export class MeshShadows {
     this.fine = 0;
     this.drawSeen(eye);
     this.drawFirst();
-    this.gatherLamps();
+    if (this.seen) this.gatherLamps(this.seen.open, 1);
     this.gatherFirst();
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
@@ -252,32 +263,45 @@ export class MeshShadows {
     this.clearFloor();
     for (let first = 0; first < maps.drawn; first += TOGETHER) this.gather(floor.hidden, first, 0);
     this.onFloor = maps.drawn;
-    this.mipmap(floor.hidden, floor.away);
+    if (subject.lamps.some(({ far }) => far)) this.gatherLamps(floor.open, 0);
+    this.mipmap(floor.hidden, floor.away, floor.given, floor.open);
     this.composeFloor(floor);
     this.mipmap(floor.missed);
   }
 
   /** Computes the light that the floor misses from what is gathered. @param {Floor} floor */
   composeFloor(floor) {
-    const { gl, subject } = this;
+    const { gl, maps, subject } = this;
     const linked = this.program(GATHER_VERTEX, GIVEN_FRAGMENT);
-    if (!linked || !subject) return;
+    if (!linked || !maps || !subject) return;
     const { at } = linked;
     this.target(floor.missed, FLOOR_TEXELS, FLOOR_TEXELS);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, gl.TEXTURE_2D, floor.reflected, 0);
+    gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]);
     gl.disable(gl.DEPTH_TEST);
     gl.disable(gl.BLEND);
     gl.useProgram(linked.program);
     for (const [name, unit, texture] of /** @type {const} */ ([
       ["hidden", UNITS.missed, floor.hidden],
       ["given", UNITS.open, floor.given],
+      ["openSuns", UNITS.floorMissed, floor.open],
+      ["under", UNITS.seenDepth, maps.sides],
+      ["floorAway", UNITS.floorAway, floor.away],
     ])) {
       gl.uniform1i(at(name), unit);
       bindTexture(gl, unit, texture);
     }
     gl.uniform1f(at("most"), subject.isAlone ? 1 : GIVEN);
     gl.uniform1f(at("power"), subject.isAlone ? 0 : GIVEN_POWER);
+    gl.uniform1f(at("texelWidth"), VIEW_TEXEL);
+    gl.uniform1f(at("perDepth"), VIEW_DEPTH);
+    gl.uniform1f(at("ground"), 0.5 + (0.5 * floorMap(subject).height) / radiusOf(subject.mesh));
+    gl.uniform4fv(at("suns"), sunShares(subject));
+    gl.uniform1f(at("softness"), this.floorSpread * APART * FLOOR_TEXELS * Math.hypot(...floorMap(subject).floorX));
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.enable(gl.DEPTH_TEST);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, gl.TEXTURE_2D, null, 0);
+    gl.drawBuffers([gl.COLOR_ATTACHMENT0]);
   }
 
   /** Gathers the first directions for the camera, coarsely: in each frame while it turns. */
@@ -320,9 +344,11 @@ export class MeshShadows {
     gl.uniform4fv(at("rows"), maps.rows.slice(first, last).flat());
     gl.uniform3fv(at("ways"), samples.slice(first, last).flatMap(({ way }) => way));
     gl.uniform3fv(at("colors"), samples.slice(first, last).flatMap(({ color }) => color));
-    gl.uniform3fv(at("instead"), this.instead.slice(3 * first, 3 * last));
+    gl.uniform3fv(at("instead"), (step ? this.instead : this.insteadInSun).slice(3 * first, 3 * last));
     if (step) {
       this.setFloor(at);
+      gl.uniform1i(at("floorReflected"), UNITS.floorAway);
+      bindTexture(gl, UNITS.floorAway, this.floor?.reflected ?? null);
       gl.uniform1i(at("seenSmoothed"), UNITS.open);
       bindTexture(gl, UNITS.open, seen?.smoothed ?? null);
     } else this.addFloor(at);
@@ -367,21 +393,21 @@ export class MeshShadows {
     gl.enable(gl.DEPTH_TEST);
   }
 
-  /** Finds out where the lamps are seen. */
-  gatherLamps() {
-    const { gl, maps, seen, subject } = this;
-    if (!maps || !seen || !subject) return;
+  /** Finds out where the lamps are seen. @param {WebGLTexture} target @param {number} step as beginPoints has it */
+  gatherLamps(target, step) {
+    const { gl, maps, subject } = this;
+    if (!maps || !subject) return;
     const { lampTiles } = maps;
     if (!lampTiles.length) {
-      this.clear(seen.open, 1);
+      this.clear(target, 1);
       return;
     }
     maps.drawLamps();
-    const linked = this.program(GATHER_VERTEX, LAMPS_FRAGMENT);
+    const linked = this.program(GATHER_VERTEX, LAMPS_FRAGMENT, step ? [] : ["FLOOR"]);
     if (!linked) return;
     const { at } = linked;
     const { across, side, filled } = maps.lampGrid;
-    this.beginPoints(linked, seen.open, 1);
+    this.beginPoints(linked, target, step);
     maps.bind(UNITS.maps, maps.lamps);
     gl.uniform1i(at("count"), lampTiles.length);
     gl.uniform1i(at("across"), across);
@@ -450,12 +476,9 @@ export class MeshShadows {
     gl.uniform3fv(at("floorX"), floorX);
     gl.uniform3fv(at("floorY"), floorY);
     gl.uniform1f(at("floorAlbedo"), floor?.albedo ?? 0);
-    gl.uniform1f(at("floorSpread"), Math.sqrt(Math.max(1, this.samples.length / (this.onFloor || 1))));
     gl.uniform3fv(at("floorRadiance"), floor?.radiance ?? [1, 1, 1]);
     gl.uniform1i(at("floorMissed"), UNITS.floorMissed);
-    gl.uniform1i(at("floorAway"), UNITS.floorAway);
     bindTexture(gl, UNITS.floorMissed, map?.missed ?? null);
-    bindTexture(gl, UNITS.floorAway, map?.away ?? null);
   }
 
   /** Sets what the shaders of the mesh and of the floor read. @param {At} at @param {{width: number, height: number}} size of the canvas */
@@ -491,6 +514,14 @@ export class MeshShadows {
       gl.generateMipmap(gl.TEXTURE_2D);
     }
   }
+}
+
+/** Returns the parts of a floor's light that come from each of four lamps, if these are far away. @param {Subject} subject */
+function sunShares({ tables, lamps, above }) {
+  const { radiance = [0, 0, 0], albedo = 0 } = tables.floor ?? {};
+  const suns = [0, 1, 2, 3].map((i) => (lamps[i] && above ? albedo * luminance(...sunsOn(above, [/** @type {Lamp} */ (lamps[i])])) : 0));
+  const all = suns.reduce((sum, value) => sum + value, luminance(.../** @type {Vec3} */ (radiance)));
+  return suns.map((value) => value / (all || 1));
 }
 
 /** Returns whether two scenes cast the same shadows, but for textures. @param {Subject} a @param {Subject} b */

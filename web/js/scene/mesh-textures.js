@@ -62,7 +62,7 @@ export function fillTexture(gl, texture, image, { wrap_s: wrapS, wrap_t: wrapT, 
  * Makes the texture of the light around a mesh, blurred from level to level.
  *
  * @param {WebGL2RenderingContext} gl
- * @param {import("./mesh-environment.js").LightTables} tables
+ * @param {Pick<import("./mesh-environment.js").LightTables, "levels">} tables
  * @returns {WebGLTexture}
  */
 export function aroundTexture(gl, { levels }) {
