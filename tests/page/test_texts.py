@@ -185,7 +185,9 @@ def test_quality_of_a_compared_picture_is_what_it_has(node: Node) -> None:
         return said;"""
     goal, now, part = "1,024 samples", "67 samples", "67 of 1,024 samples"
     states = [{"state": state} for state in ("cancelled", "paused", "running", "queued", "finished")]
-    by_noise = [{"state": state, "noise": 0.01, "spp": spp} for state, spp in (("running", None), ("running", 1024), ("paused", None))]
+    by_noise = [
+        {"state": state, "noise": 0.01, "spp": spp} for state, spp in (("running", None), ("running", 1024), ("paused", None))
+    ]
     assert node.call("news/settings-table", body, states + by_noise) == [
         [now, now],
         [now, now],
