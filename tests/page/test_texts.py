@@ -180,7 +180,7 @@ def test_quality_of_a_compared_picture_is_what_it_has(node: Node) -> None:
         const work = [{ name: "spp", of: "work", phrase: "{}" }, { name: "noise", of: "work", phrase: "noise {}" }];
         m.table.set({ defaults: {}, settings: [], view: [], work, shot: [], channels: [] });
         const job = { width: 8, height: 4, samples: 32 * 67, spp: 1024, shot: null };
-        const said = a.map(({ state, ...goal }) => [m.reached({ ...job, ...goal, state }), m.shownQuality({ ...job, ...goal, state })]);
+        const said = a.map((own) => ({ ...job, ...own })).map((each) => [m.reached(each), m.shownQuality(each)]);
         m.table.set(null);
         return said;"""
     goal, now, part = "1,024 samples", "67 samples", "67 of 1,024 samples"
