@@ -48,7 +48,7 @@ export function denoiseFields(display, renew) {
     update(state) {
       const { error, waiting = false, stale = false, isPreview = false, spp = 0 } = state ?? {};
       made.hidden = spp === 0 || Boolean(error);
-      if (spp) setText(made, tn(spp, "Made of the first {n} sample, renewed as more come", "Made of the first {n} samples, renewed as more come", { n: count(spp) }));
+      if (spp) setText(made, tn(spp, "Made of the first {n} sample", "Made of the first {n} samples", { n: count(spp) }));
       const sentence = waiting
         ? ""
         : error
