@@ -163,12 +163,15 @@ class ViewScheduler:
 
         self._queue_order(set_paused)
 
-    def end_sampling(self, session: ViewSession) -> None:
-        """Renders no more samples of a session's view, whose page was left. Those that it has are denoised once more."""
+    def end_sampling(self, session: ViewSession, min_samples: float) -> None:
+        """Renders no more samples of a session's view, whose page was left. Those that it has are denoised once more.
+
+        They are not if a picture of at least `min_samples` samples per pixel is being denoised already.
+        """
 
         def end_sampling() -> None:
             self._withdraw_messages(session, keeps_denoising=True)
-            session.end_sampling()
+            session.end_sampling(min_samples)
             self._redis.set(view_key(session.id), session.view, ex=KEY_TTL_S)
 
         self._queue_order(end_sampling)
