@@ -70,6 +70,7 @@ class ViewSession:
         self.is_paused = False
         self.is_closed = False
         self.is_ending = False  # whether its page was left, and only its last picture is still denoised
+        self.left_at = -math.inf  # monotonic time at which it was left
         self._is_denoised_enough = False  # whether that picture was being denoised when the page was left
         self.compiles = compiles
         self.lacks_kernel = False
@@ -207,7 +208,7 @@ class ViewSession:
         They are denoised a last time, unless a picture of `min_samples` samples per pixel is being denoised already.
         """
         with self._lock:
-            self.is_ending, self.is_paused = True, False
+            self.is_ending, self.is_paused, self.left_at = True, False, time.monotonic()
             self._is_denoised_enough = self._denoised is not None and self._denoised.asked >= min_samples
             self.passes, self.wanted, self.wake = None, None, lambda: None
 
