@@ -43,6 +43,7 @@ __all__ = [
     "RENDER_BATCH",
     "RENDER_BATCHES",
     "RESULTS",
+    "ROUGH_PREVIEW_SAMPLES",
     "SAMPLES_HEADER",
     "VECTORS",
     "VERSION_HEADER",
@@ -350,6 +351,7 @@ class RenderBatch:
 
 
 VERSION_SEPARATOR = "+"
+ROUGH_PREVIEW_SAMPLES = 64  # samples per pixel below which a preview is rough: renewed often, its guides taken as noisy
 
 
 @dataclass(frozen=True)
@@ -392,7 +394,7 @@ class DenoiseFrame:
     workers of earlier releases.
 
     is_preview: of a frame that is being rendered: in a seventh of the processor time, by one thread, with edges that are less
-    sharp.
+    sharp; a picture of ROUGH_PREVIEW_SAMPLES samples per pixel or more in a third.
 
     guide: the scene of a frame that is denoised alone and is no preview; the worker replaces the albedo by that behind mirrors
     and smooth glass. None, and for workers of earlier releases: the albedo of the film.

@@ -23,8 +23,9 @@ from service.events import Events, ItemKind, TilesChanged
 from service.scheduling.artifacts.artifacts import ArtifactTasks
 from service.scheduling.artifacts.scene_preparation import Progress
 from service.scheduling.artifacts.unfit_machines import MachineFault
+from service.scheduling.dispatching.batch_outcomes import batch_description
 from service.scheduling.dispatching.pacing import BatchSizing
-from service.scheduling.dispatching.scheduler import Scheduler, batch_description
+from service.scheduling.dispatching.scheduler import Scheduler
 from service.scheduling.faults.bulkhead import Bulkheads, Step, is_message_fault
 from service.scheduling.fleet.dead_letters import DeadLetters
 from service.scheduling.incoming.merging import ReceivedBatch, batch_of, merge
@@ -109,6 +110,7 @@ class Answers:
         self._results = results
         self._bulkheads = bulkheads
         self._scheduler = scheduler
+        self._outcomes = scheduler.outcomes
         self._lifecycle = lifecycle
         self._artifact_tasks = artifact_tasks
         self._trust = trust
@@ -202,7 +204,7 @@ class Answers:
         if isinstance(message, BatchDone):
             self._batches += len(message.pieces)
             for piece in message.pieces:
-                self._scheduler.mark_answered(message.job, piece.batch)
+                self._outcomes.mark_answered(message.job, piece.batch)
         elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned):
             self._artifact_tasks.preparing.mark_answered(message.scene, message.kind)
         self._kept.setdefault(message.owner, []).append(_PendingAnswer(entry, message))
@@ -329,7 +331,7 @@ class Answers:
         self.counts["merged" if received.taken else "dropped"] += len(pieces)
         for piece in pieces:
             batch = received.batch and received.batch._replace(first=piece.first, count=piece.count)
-            self._scheduler.end_batch(job, piece.batch, batch, piece.seconds, piece.worker or received.message.worker)
+            self._outcomes.end_batch(job, piece.batch, batch, piece.seconds, piece.worker or received.message.worker)
         self._log_batch(job, received)
 
     def _reject_sums(self, job: ActiveJob, message: BatchDone, run: Range | None, reason: str) -> None:
@@ -340,7 +342,7 @@ class Answers:
         """
         for number, piece in enumerate(message.pieces):
             if run is None:
-                self._scheduler.end_batch(job, piece.batch, None, 0.0, piece.worker or message.worker)
+                self._outcomes.end_batch(job, piece.batch, None, 0.0, piece.worker or message.worker)
                 continue
             self.counts["failed"] += 1
             batch = run._replace(first=piece.first, count=piece.count)
@@ -351,7 +353,7 @@ class Answers:
                 sender=sender,
                 reason=reason,
             )
-            trouble = self._scheduler.handle_failure(job, piece.batch, batch, sender, said, None, is_suspect=is_suspect)
+            trouble = self._outcomes.handle_failure(job, piece.batch, batch, sender, said, None, is_suspect=is_suspect)
             if trouble is not None:
                 self._fail_batch(job, batch, trouble)
 
@@ -359,7 +361,7 @@ class Answers:
         sentence = Sentence(
             "batch-failed-repeatedly", "A batch failed {count} times: {error}", count=len(trouble.workers), error=trouble.error
         )
-        self._scheduler.fail_batch(job, batch, sentence, trouble.reproduce)
+        self._outcomes.fail_batch(job, batch, sentence, trouble.reproduce)
 
     def _log_batch(self, job: ActiveJob, received: ReceivedBatch) -> None:
         """Logs a batch in the log of its tile. If its slot reported warnings, also logs them in the job's log."""
@@ -379,9 +381,9 @@ class Answers:
                 job = self._scheduler.jobs.get(message.job)
                 batch = batch_of(message, job) if job else None
                 if job is not None and batch is not None:
-                    handle = self._scheduler.handle_card_return if message.for_cpu else self._scheduler.handle_return
+                    handle = self._outcomes.handle_card_return if message.for_cpu else self._outcomes.handle_return
                     if message.recalled:
-                        handle = self._scheduler.handle_recalled
+                        handle = self._outcomes.handle_recalled
                     handle(job, message.batch, batch, message.worker, message.error)
                     self._record_change("job", job.id)
             case PrepareStarted():
@@ -426,7 +428,7 @@ class Answers:
             self._handle_misunderstood(job, batch, message)
             return
         self.counts["failed"] += 1
-        trouble = self._scheduler.handle_failure(
+        trouble = self._outcomes.handle_failure(
             job, message.batch, batch, message.worker, message.error, message.reproduce, message.trace
         )
         if trouble is not None:
@@ -441,10 +443,10 @@ class Answers:
         lease = self._scheduler.leases.get(message.batch)
         if lease is None or lease.owner != job.id:
             return  # not a batch that was handed out
-        self._scheduler.handle_return(job, message.batch, batch, message.worker, message.error)
-        if self._scheduler.suspicion.record_misunderstood(message.worker) >= FAILURES_ALLOWED:
-            self._scheduler.quarantine(message.worker, joined_sentences(message.error, RESUME_ADVICE))
+        self._outcomes.handle_return(job, message.batch, batch, message.worker, message.error)
+        if self._outcomes.suspicion.record_misunderstood(message.worker) >= FAILURES_ALLOWED:
+            self._outcomes.quarantine(message.worker, joined_sentences(message.error, RESUME_ADVICE))
             if not job.samples:  # no sample of the job is from that release
-                self._scheduler.withdraw(job)
+                self._outcomes.withdraw(job)
                 job.kind = None
         self._record_change("job", job.id)

@@ -112,6 +112,7 @@ class Engine:
         self.logs = JobLogs(settings.data / "logs-of-jobs")
         self._pace = BatchSizing(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, self._has_viewers)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
+        self._outcomes = self._scheduler.outcomes
         self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline, events)
         self._waiting = DependencyTracker(records, self._bulkheads, self._changes)
         self._lifecycle = Lifecycle(
@@ -413,7 +414,7 @@ class Engine:
             if item_kind == "worker":
                 self._workers.refresh(now=True)
                 if id not in self._workers.roster.orders:
-                    self._scheduler.suspicion.clear_failures(id)
+                    self._outcomes.suspicion.clear_failures(id)
                     self._scheduler.distrusted.discard(id)
             elif item_kind == "terms":
                 if not self._bulkheads.run(item_kind, Step.CHANGE, self._renew_terms, needs_database=True):
@@ -450,7 +451,11 @@ class Engine:
                     self._answers.reread_if_incomplete,
                     self._artifact_tasks.review_artifacts,
                 ),
-                *(lambda: self._scheduler.review_leases(self._results), self.trust.advance_checks, self._waiting.settle_ended),
+                *(
+                    lambda: self._outcomes.review_leases(self._results),
+                    self.trust.advance_checks,
+                    self._waiting.settle_ended,
+                ),
                 *(self._review_preparing, self._ask_workers, self._review_deadlines, self._review_jobs),
             )
         ]
@@ -522,13 +527,13 @@ class Engine:
             counts={
                 **self._answers.counts,
                 **self.trust.counts,
-                "lost": self._scheduler.lost,
-                "doubled": self._scheduler.doubled,
+                "lost": self._outcomes.lost,
+                "doubled": self._outcomes.doubled,
                 "put_aside": self._dead_letters.count,
             },
             batches_out=len(self._scheduler.leases),
             has_requests=self._artifact_tasks.has_requests,
             results_unread=self._pace.unread_results,
             batch_cost_s=self._pace.batch_cost_s,
-            failures=dict(self._scheduler.suspicion.failures),
+            failures=dict(self._outcomes.suspicion.failures),
         )

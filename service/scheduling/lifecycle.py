@@ -166,20 +166,20 @@ class Lifecycle:
             return pending is not None and self._load_or_adjust(pending)
         job.agenda.first_key = shot.first if shot else None
         if row.state == "paused" != job.state:
-            self._scheduler.withdraw(job)
+            self._scheduler.outcomes.withdraw(job)
             self._records.store_progress(job)
         if row.state != job.state and "paused" in (row.state, job.state):
             job.history.add_event("paused" if row.state == "paused" else "resumed")
         job.state, job.priority, job.max_slots = row.state, row.priority, row.max_slots
         if (needs := Needs.from_json(row.needs)) != job.needs:
-            self._scheduler.withdraw(job)
+            self._scheduler.outcomes.withdraw(job)
             job.needs = needs
         if row.deadline != job.deadline:
             job.deadline, job.expected, job.urgency = row.deadline, None, math.inf
         if job.focus != row.focus:
             job.focus_on(row.focus)
         if shot is None and row.spp and job.differs_from_goal(row.spp, row.noise, row.seconds):
-            self._scheduler.withdraw(job)
+            self._scheduler.outcomes.withdraw(job)
             job.set_goal(row.spp, row.noise, row.seconds)
         return True
 
@@ -382,7 +382,7 @@ class Lifecycle:
         return True
 
     def _close_job(self, job: ActiveJob) -> None:
-        self._scheduler.withdraw(job)
+        self._scheduler.outcomes.withdraw(job)
         self._scheduler.jobs.pop(job.id, None)
         self._artifact_tasks.moments.discard_job(job.id)
         self._artifact_tasks.path_guides.discard_job(job.id)

@@ -87,6 +87,11 @@ class DenoisedView:
                 self.kept = words, self._asked
 
     @property
+    def asked(self) -> float:
+        """Mean samples per pixel of the picture that is being denoised; 0 if none is, or a small one."""
+        return self._asked if self.means is not None else 0.0
+
+    @property
     def has_picture(self) -> bool:
         """Returns True if a denoised picture has come that was not taken yet."""
         return self._picture is not None

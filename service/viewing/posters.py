@@ -68,7 +68,7 @@ class Posters:
         """
         given = self._given.get((session.id, session.view), 0.0)
         if session.awaits_denoising(MIN_DENOISED) and len(self._ending) < MAX_ENDING and not self._stopping.is_set():
-            self._views.end_sampling(session)
+            self._views.end_sampling(session, MIN_DENOISED)
             self._ending.append((session, time.monotonic() + ENDING_S))
             return
         picture = session.settled_picture(MIN_NOISY, MIN_DENOISED) if session.mean_samples > given else None

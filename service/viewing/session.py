@@ -70,6 +70,8 @@ class ViewSession:
         self.is_paused = False
         self.is_closed = False
         self.is_ending = False  # whether its page was left, and only its last picture is still denoised
+        self.left_at = -math.inf  # monotonic time at which it was left
+        self._is_denoised_enough = False  # whether that picture was being denoised when the page was left
         self.compiles = compiles
         self.lacks_kernel = False
         self.wanted: ViewRequest | None = None
@@ -200,10 +202,14 @@ class ViewSession:
             first = GUIDES_AFTER if GUIDES_AFTER * whole_s <= GUIDED_AFTER_S else 1
             self._denoised = DenoisedView(max(self._whole_draft_samples, first), keeps=self.request.is_home) if denoises else None
 
-    def end_sampling(self) -> None:
-        """Ends the view with the samples that it has, which are denoised a last time: its page was left."""
+    def end_sampling(self, min_samples: float) -> None:
+        """Ends the view with the samples that it has: its page was left.
+
+        They are denoised a last time, unless a picture of `min_samples` samples per pixel is being denoised already.
+        """
         with self._lock:
-            self.is_ending, self.is_paused = True, False
+            self.is_ending, self.is_paused, self.left_at = True, False, time.monotonic()
+            self._is_denoised_enough = self._denoised is not None and self._denoised.asked >= min_samples
             self.passes, self.wanted, self.wake = None, None, lambda: None
 
     def awaits_denoising(self, min_samples: float) -> bool:
@@ -266,7 +272,7 @@ class ViewSession:
         Returns None if no picture is due. Clean guides have GUIDE_SAMPLES samples per pixel.
         """
         with self._lock:
-            if self._denoised is None or not self._canvases:
+            if self._denoised is None or not self._canvases or (self._is_denoised_enough and self._denoised.failures == 0):
                 return None
             last = len(self._canvases) - 1
             canvas = self._canvases[last]

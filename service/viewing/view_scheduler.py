@@ -67,6 +67,7 @@ DRAFT_SEND_TIMEOUT_S = 0.3  # for which a view waits for a card that has room fo
 LOST_AFTER_S = 3.0  # without a report of the message by any slot
 WAIT_STATED_S = 2.0  # after which a view that no slot has begun says that it waits
 FAILURES_ALLOWED = 3
+AFTER_JOB_S = 10.0  # for which the last picture of a view that was left waits while batches are out
 
 ALPHA = range(alpha_plane(0), alpha_plane(0) + ALPHA_PLANES)  # planes that only a transparent background has
 PLAIN = [*range(CHANNELS)[COLOR], SAMPLES, *ALPHA]  # planes of sums that a view uses
@@ -163,12 +164,15 @@ class ViewScheduler:
 
         self._queue_order(set_paused)
 
-    def end_sampling(self, session: ViewSession) -> None:
-        """Renders no more samples of a session's view, whose page was left. Those that it has are denoised once more."""
+    def end_sampling(self, session: ViewSession, min_samples: float) -> None:
+        """Renders no more samples of a session's view, whose page was left. Those that it has are denoised once more.
+
+        They are not if a picture of at least `min_samples` samples per pixel is being denoised already.
+        """
 
         def end_sampling() -> None:
             self._withdraw_messages(session, keeps_denoising=True)
-            session.end_sampling()
+            session.end_sampling(min_samples)
             self._redis.set(view_key(session.id), session.view, ex=KEY_TTL_S)
 
         self._queue_order(end_sampling)
@@ -305,7 +309,7 @@ class ViewScheduler:
             if session.pick is not None and session.passes is not None and not is_asked:
                 self._send_pick(session)
             if not session.is_paused:
-                if session.kind not in kinds:
+                if session.kind not in kinds and not self._awaits_job(session):
                     self._send_denoise(session)
                 self._send_draft(session)
         shown = [each for each in self._sessions.values() if each.passes is not None and not each.is_paused]
@@ -328,6 +332,10 @@ class ViewScheduler:
             has_guides = session.needs_guides(pieces)
             more = {"has_guides": has_guides, "on_card": bool(card), "needs_kernel": not session.compiles}
             self._send(out, ViewParts(*about, settings, parts, **more))
+
+    def _awaits_job(self, session: ViewSession) -> bool:
+        """Returns True if a view was left just now while batches are out: perhaps those of a job that was started from it."""
+        return time.monotonic() - session.left_at < AFTER_JOB_S and self._board.latest.batches_out > 0
 
     def _next_pieces(self, session: ViewSession) -> tuple[list[Piece], str]:
         """Returns the pieces of a session's next message, and the worker whose graphics card is to render them ("": a CPU slot).

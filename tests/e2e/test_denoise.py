@@ -209,7 +209,9 @@ def test_growing_picture_replaces_one_of_another_light(farm: Farm, watched: Watc
         while held:
             held.pop().continue_()
         page.unroute(denoised, hold)
-        expect(tag).to_have_text(re.compile(r"^Denoised at [\d,]+ samples?$"), timeout=60_000)
+        expect(tag).to_have_text("Denoised", timeout=60_000)  # the heading has another number of samples
+        page.get_by_role("tab", name="View").click()
+        expect(page.get_by_text(re.compile(r"^Made of the first [\d,]+ samples?$"))).to_be_visible()
     finally:
         httpx.patch(f"{farm.url}/api/jobs/{job}", json={"state": "cancelled"})
     assert watched.errors == []

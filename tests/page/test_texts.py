@@ -177,19 +177,26 @@ def test_channels_equal_service_list(node: Node) -> None:
 def test_quality_of_a_compared_picture_is_what_it_has(node: Node) -> None:
     """A comparison states the samples that a picture has; the list of jobs states the goal of a job that is not stopped."""
     body = """
-        const work = [{ name: "spp", of: "work", phrase: "{}" }, { name: "noise", of: "work", phrase: "to {}" }];
+        const work = [{ name: "spp", of: "work", phrase: "{}" }, { name: "noise", of: "work", phrase: "noise {}" }];
         m.table.set({ defaults: {}, settings: [], view: [], work, shot: [], channels: [] });
         const job = { width: 8, height: 4, samples: 32 * 67, spp: 1024, shot: null };
-        const said = a.map((state) => [m.reached({ ...job, state }), m.shownQuality({ ...job, state })]);
+        const said = a.map((own) => ({ ...job, ...own })).map((each) => [m.reached(each), m.shownQuality(each)]);
         m.table.set(null);
         return said;"""
     goal, now, part = "1,024 samples", "67 samples", "67 of 1,024 samples"
-    assert node.call("news/settings-table", body, ["cancelled", "paused", "running", "queued", "finished"]) == [
+    states = [{"state": state} for state in ("cancelled", "paused", "running", "queued", "finished")]
+    by_noise = [
+        {"state": state, "noise": 0.01, "spp": spp} for state, spp in (("running", None), ("running", 1024), ("paused", None))
+    ]
+    assert node.call("news/settings-table", body, states + by_noise) == [
         [now, now],
         [now, now],
         [goal, part],
         [goal, part],
         [goal, goal],
+        ["noise 0.01", f"{now} until noise 0.01"],
+        ["noise 0.01", f"{now} until noise 0.01"],
+        [now, now],
     ]
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from protocol.contract import VERSION_SEPARATOR, DenoiseFrame, GuideScene
+from protocol.contract import ROUGH_PREVIEW_SAMPLES, VERSION_SEPARATOR, DenoiseFrame, GuideScene
 from protocol.view_parts import CLEAN_GUIDE_SAMPLES
 from renderer import jit
 from renderer.denoise_guides import guide_kernel, guide_scene, guiding_albedo
@@ -61,7 +61,8 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
             _guide(worker, work, work.guide, means)
         paths = os.fsencode(means), os.fsencode(room.out / DENOISED)
         threads = 1 if work.is_preview else None  # the other cores render
-        has_clean_guides = samples >= CLEAN_GUIDE_SAMPLES * work.width * work.height
+        clean_from = CLEAN_GUIDE_SAMPLES if work.lights else ROUGH_PREVIEW_SAMPLES  # a rough preview takes half of the time
+        has_clean_guides = samples >= clean_from * work.width * work.height
         options = {"has_clean_guides": has_clean_guides, "threads": threads}
         if work.lights:
             job = partial(denoise_lights, *paths, len(work.lights), work.width, work.height, **options)

@@ -5,15 +5,14 @@ from __future__ import annotations
 import time
 from concurrent.futures import Future
 
-from protocol.contract import DenoiseFrame
+from protocol.contract import ROUGH_PREVIEW_SAMPLES, DenoiseFrame
 from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
 
 __all__ = ["DenoisedPreviews"]
 
 REST = 19.0  # times the slot-seconds of the last preview until the farm makes another: previews take a twentieth of its time
-EARLY_REST = 3.0  # the same after a rough preview, of fewer samples per pixel than EARLY_SAMPLES: a quarter
-EARLY_SAMPLES = 64
+EARLY_REST = 2.0  # the same after a rough preview: a third
 GROWTH = 2  # of the samples after which a preview is renewed
 EARLY_GROWTH = 1.25  # the same of a rough preview
 UNRESTED_GROWTH = 4  # growth after which a rough preview is renewed without a rest: at about 1, 4, 16 and 64 samples
@@ -23,10 +22,10 @@ MOST_SECONDS = 60.0  # that a preview counts, whatever its worker reports
 class DenoisedPreviews(Denoising):
     """Denoised previews, renewed as samples come.
 
-    A frame's first preview is made at once; it is renewed when its samples have grown by GROWTH, below EARLY_SAMPLES samples per
-    pixel by EARLY_GROWTH, since users watch the first minute of a picture. All renewals together take at most a twentieth of the
-    time of the slots that can denoise, below EARLY_SAMPLES at most a quarter. There a preview is renewed without this limit once
-    its frame has UNRESTED_GROWTH times the samples.
+    A frame's first preview is made at once; it is renewed when its samples have grown by GROWTH, a rough one by EARLY_GROWTH,
+    since users watch the first minute of a picture. Rough is a preview of fewer than ROUGH_PREVIEW_SAMPLES samples per pixel. All
+    renewals together take at most a twentieth of the time of the slots that can denoise, those of rough ones at most a third. A
+    rough one is renewed without this limit once its frame has UNRESTED_GROWTH times the samples.
     """
 
     _rests_until = 0.0
@@ -69,7 +68,7 @@ class DenoisedPreviews(Denoising):
 
 
 def _is_early(made: ArtifactResult, pixels: int) -> bool:
-    return made.samples < EARLY_SAMPLES * pixels
+    return made.samples < ROUGH_PREVIEW_SAMPLES * pixels
 
 
 def _due_samples(made: ArtifactResult, pixels: int) -> float:

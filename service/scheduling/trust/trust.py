@@ -89,7 +89,7 @@ class Trust:
             has_unknown_sender = bool(job.verify) and (len(message.senders) != 1 or not all(message.senders))
             if has_unknown_sender or not self._scheduler.distrusted.isdisjoint(message.senders):
                 for piece in message.pieces:
-                    self._scheduler.end_batch(job, piece.batch, None, 0.0, piece.worker or message.worker)
+                    self._scheduler.outcomes.end_batch(job, piece.batch, None, 0.0, piece.worker or message.worker)
             elif verification is not None:
                 self._handle_answer(job, verification, message, sums)
             else:

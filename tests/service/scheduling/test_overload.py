@@ -14,9 +14,9 @@ import pytest
 
 from renderer.film import digest
 from renderer.settings import Tile
+from service.scheduling.dispatching.batch_outcomes import BatchOutcomes
 from service.scheduling.dispatching.leases import MAX_UNSEEN_POLLS
 from service.scheduling.dispatching.lost_batches import LossVerdict, LostLeaseFinder
-from service.scheduling.dispatching.scheduler import Scheduler
 from service.store.film_file import FilmFile
 from tests.benchmarks.scale import slots as slots_module
 from tests.benchmarks.scale.slots import Slots, of_one_sample
@@ -94,7 +94,7 @@ def test_suspended_workers_keep_their_batches(service: Service, monkeypatch: pyt
 
 @pytest.mark.long
 def test_stragglers_are_not_duplicated_while_work_remains(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Scheduler, "_has_idle_slots", lambda self, kind: True)
+    monkeypatch.setattr(BatchOutcomes, "_has_idle_slots", lambda self, kind: True)
     monkeypatch.setattr(LostLeaseFinder, "_verdict", lambda self, lease, *_: None if lease.doubled else LossVerdict.LATE)
     slots = Slots(
         service.options["redis_url"], service.url, TOKEN, 4, of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0)), 0.5

@@ -132,7 +132,7 @@ class Views:
     def sessions(self) -> list[Any]:
         return []
 
-    def end_sampling(self, session: Any) -> None:
+    def end_sampling(self, session: Any, min_samples: float) -> None:
         self.ending.append(session)
 
     def close_session(self, session: Any) -> None:

@@ -196,6 +196,24 @@ def test_settled_picture_is_the_latest_denoised_one_and_stays_after_it_was_shown
     assert session.settled_picture(1, 17) is None
 
 
+@pytest.mark.parametrize("is_lost", [False, True])
+@pytest.mark.parametrize("min_samples", [4, 8])
+def test_view_that_is_left_while_it_is_denoised_is_denoised_again_only_if_needed(
+    session: ViewSession, min_samples: int, is_lost: bool
+) -> None:
+    """Otherwise the second picture would delay the job that was started from the view."""
+    show(session, 1, denoises=True)
+    add_samples(session, 0, 6)
+    add_samples(session, GUIDES_AFTER, GUIDE_SAMPLES - GUIDES_AFTER, is_guide=True)
+    assert session.begin_denoising() is not None
+    add_samples(session, 6, 6)
+    session.end_sampling(min_samples)
+    session.fail_denoising() if is_lost else session.end_denoising(bytes(4 * 96 * 64))
+    assert session.awaits_denoising(min_samples) is (is_lost or min_samples == 8)
+    session._denoised._lost_until = 0.0  # type: ignore[union-attr]
+    assert (session.begin_denoising() is not None) is (is_lost or min_samples == 8)
+
+
 def test_settled_picture_of_view_without_denoiser_has_enough_samples(session: ViewSession) -> None:
     show(session, 1)
     add_samples(session, 0, 8)

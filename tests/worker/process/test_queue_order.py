@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from protocol.card import card_queue
 from protocol.contract import denoise_queue, prepare_queue, render_queue
+from protocol.terms import needs_queue
 from protocol.view_parts import card_view_queue, view_queue
-from worker.process.queue_order import ViewsFirstOrder
+from worker.process.queue_order import VIEWS_A_BATCH, ViewsFirstOrder
 
 
 def test_views_come_first_then_round_robin() -> None:
@@ -33,6 +34,20 @@ def test_denoising_takes_a_turn_after_each_message_of_a_view() -> None:
     assert turns.consume(4)[:3] == [denoise, prepare, view]
     turns.rotate(denoise)
     assert turns.consume(4)[0] == view, "views do not wait for many pictures"
+
+
+def test_job_gets_batches_beside_a_busy_view() -> None:
+    """All queues always have messages, as while a view is turned."""
+    view, render, needs = view_queue("k"), render_queue("k"), needs_queue("k", "tag:big")
+    turns = ViewsFirstOrder()
+    turns.update([render, view, needs, prepare_queue("k"), denoise_queue("k")])
+    read: list[str] = []
+    for _ in range(4 * (VIEWS_A_BATCH + 1)):
+        (first,) = [each for each in turns.consume(5) if each in (view, render, needs)][:1]
+        read.append(turns.rotate(first))
+    views, batches = [view] * VIEWS_A_BATCH, read[VIEWS_A_BATCH :: VIEWS_A_BATCH + 1]
+    assert read == [each for batch in batches for each in (*views, batch)]
+    assert {*batches} == {render, needs}, "jobs with requirements and others in turn"
 
 
 def test_views_precede_batches_of_a_card() -> None:

@@ -42,6 +42,7 @@ const [EARLY_GROWTH, GROWTH, EARLY_SPP] = [1.25, 2, 64];
  * @property {boolean} waiting for the service to make it
  * @property {boolean} stale the film has more samples than the shown picture
  * @property {boolean} [isPreview] the shown picture is a preview, and is renewed while the job renders, or replaced when it has ended
+ * @property {number} [spp] samples per pixel of the shown preview
  * @property {boolean} [isLast] no more samples will come
  * @property {boolean} [isFinal] the last denoised picture is being fetched
  * @property {boolean} [isImproved] a denoised picture is shown while a better one is made
@@ -346,7 +347,8 @@ export class PictureSide {
           this.madeOf = samples;
           this.fetched = new Film(width, height, words);
           this.layer.setFilm(this.fetched, { fades: channel === DENOISED });
-          this.state.update((state) => ({ ...state, isPreview }));
+          const spp = isPreview ? Math.max(1, Math.floor(samples / (width * height))) : undefined;
+          this.state.update((state) => ({ ...state, isPreview, spp }));
         };
         // A stored one is shown at once; a better one has to wait for a worker.
         if (wantsPreview && !this.fetched && this.live.isDenoisedStored) await fetchWords(this.live, { ...wish, wait: "false" }, signal).then(show, () => {});

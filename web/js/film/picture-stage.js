@@ -2,7 +2,6 @@
 
 import { channelOf } from "./channels.js";
 import { h, setText } from "../base/dom.js";
-import { count } from "../base/format.js";
 import { CannotShow } from "./film-canvas.js";
 import { FilmView } from "./film-view.js";
 import { emptyState } from "../shell/hints.js";
@@ -113,7 +112,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
       else if (side?.showsStart()) setText(tag, t("Preview"));
       else if (side?.showsNoise() && side.toldSpp && !given && !error) setText(tag, tn(side.toldSpp, "{n} sample, not denoised yet", "{n} samples, not denoised yet"));
       else if (side?.awaitsDenoised() && !given) setText(tag, waiting ? t("Denoising …") : t("Raw"));
-      else if (spp !== null && !given) setText(tag, tn(spp, "{name} at {n} sample", "{name} at {n} samples", { name, n: count(spp) }));
+      else if (spp !== null && !given) setText(tag, name); // the heading counts the film's samples, of which the picture has fewer
       else setText(tag, `${name}${(waiting && !isImproved) || isPreview || side?.awaitsDenoised() ? " …" : ""}`);
       tag.hidden = !seen[i] || (!both && (channel === "" || side?.isEmpty() === true));
       tag.classList.toggle("alone", !both);

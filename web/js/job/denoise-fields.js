@@ -3,7 +3,8 @@
 import { h, setText } from "../base/dom.js";
 import { segments } from "../forms/fields.js";
 import { icon } from "../base/icons.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
+import { count } from "../base/format.js";
 
 /** @typedef {import("../film/picture-side.js").SideState} SideState */
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
@@ -33,6 +34,7 @@ export function denoiseFields(display, renew) {
     setText(why, reason);
     why.hidden = reason === "";
   });
+  const made = h("p", { class: "quiet small", hidden: true });
   const said = h("p", { class: "small", role: "status", hidden: true });
   const again = h(
     "button",
@@ -40,11 +42,13 @@ export function denoiseFields(display, renew) {
     icon("refresh"),
     t("Denoise again"),
   );
-  const element = h("div", { class: "stack tight", hidden: true }, choice.element, why, said, again);
+  const element = h("div", { class: "stack tight", hidden: true }, choice.element, why, made, said, again);
   return {
     element,
     update(state) {
-      const { error, waiting = false, stale = false, isPreview = false } = state ?? {};
+      const { error, waiting = false, stale = false, isPreview = false, spp = 0 } = state ?? {};
+      made.hidden = spp === 0 || Boolean(error);
+      if (spp) setText(made, tn(spp, "Made of the first {n} sample", "Made of the first {n} samples", { n: count(spp) }));
       const sentence = waiting
         ? ""
         : error

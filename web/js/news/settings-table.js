@@ -116,13 +116,16 @@ export function reached(job) {
 }
 
 /**
- * Describes what a job's picture shows now: as `reached`, but of an unfinished job what it has so far.
+ * Describes what a job's picture shows now: as `reached`, but of an unfinished job what it has so far, and its goal.
  *
  * @param {import("../base/types.js").Job} job
  */
 export function shownQuality(job) {
   if (job.state === "finished" || STOPPED.includes(job.state)) return reached(job);
-  return job.spp === null ? phraseOf(settingOf("work", "spp"), samplesOf(job)) : t("{n} of {all} samples", { n: count(samplesOf(job)), all: count(job.spp) });
+  if (job.spp !== null && job.noise == null && job.seconds == null) return t("{n} of {all} samples", { n: count(samplesOf(job)), all: count(job.spp) });
+  const now = phraseOf(settingOf("work", "spp"), samplesOf(job));
+  const goal = endOf(job);
+  return goal ? t("{quality} until {goal}", { quality: now, goal }) : now;
 }
 
 /** Four digits suffice to tell pictures apart; whole numbers are shown in full. @param {number} value */

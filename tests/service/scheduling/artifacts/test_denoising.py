@@ -317,7 +317,7 @@ def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyP
     now[0] = 100.0
     task._record_made(made, replace(request, width=50))
     task._made = {("j", 0): made}
-    for after, is_recent, rest in ((0.35, True, 0.1), (0.5, False, 0.0)):  # of few samples per pixel: 3 * 1.5 s / 10 slots
+    for after, is_recent, rest in ((0.25, True, 0.05), (0.35, False, 0.0)):  # of few samples per pixel: 2 * 1.5 s / 10 slots
         now[0] = 100.0 + after
         assert task._is_recent(made, 1250, 150) is is_recent, after
         assert task._is_recent(made, 1249, 150) is True, after

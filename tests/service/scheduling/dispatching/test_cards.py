@@ -200,14 +200,14 @@ class Farm:
         found = Range(film.tiles.index(batch.tile), batch.first, batch.count)
         if self.job.needs_batch(found) and not film.coverage(0, found.tile).overlaps(batch.first, batch.count):
             film.covered[0, found.tile].add(batch.first, batch.count)
-            self.scheduler.end_batch(self.job, batch.batch, found, seconds, worker)
+            self.scheduler.outcomes.end_batch(self.job, batch.batch, found, seconds, worker)
             self.job.update_from_film()
 
     def _refuse(self, batch: RenderBatch) -> None:
         film: Any = self.job.film
         found = Range(film.tiles.index(batch.tile), batch.first, batch.count)
         reason = Sentence("card-lacks-settings", "A graphics card does not render with these settings: the processor does.")
-        self.scheduler.handle_card_return(self.job, batch.batch, found, "card", reason)
+        self.scheduler.outcomes.handle_card_return(self.job, batch.batch, found, "card", reason)
 
     @property
     def work(self) -> float:

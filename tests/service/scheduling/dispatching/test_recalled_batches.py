@@ -32,7 +32,7 @@ def test_only_recalled_batches_are_returned_without_fault() -> None:
             scheduler._recall_long_messages(KIND)
             assert (asked, scheduler.leases.has_long(KIND)) == ([{lease.message}], False)
         job.handed_back = None
-        scheduler.handle_recalled(job, lease.id, batch, "cpu", "returned")
+        scheduler.outcomes.handle_recalled(job, lease.id, batch, "cpu", "returned")
         assert job.handed_back == (None if is_recalled else "returned"), "a worker that returns all of its work is faulty"
         assert scheduler.leases.get(lease.id) is None
         assert job.next_batch(0.5, 2, KIND) == batch, "the batch is dispatched again"
