@@ -17,7 +17,7 @@ from worker.work import denoise
 @pytest.mark.parametrize(
     ("lights", "samples", "is_clean"),
     [
-        ((), ROUGH_PREVIEW_SAMPLES - 1, False),  # in half of the time, so that it is renewed twice as often
+        ((), ROUGH_PREVIEW_SAMPLES - 1, False),  # in half of the time, so that it is renewed more often
         ((), ROUGH_PREVIEW_SAMPLES, True),
         (("lamp", "rest"), CLEAN_GUIDE_SAMPLES - 1, False),
         (("lamp", "rest"), CLEAN_GUIDE_SAMPLES, True),  # the picture that a mix shows in the end
