@@ -187,7 +187,9 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     _save(page, folder, "light")
     page.get_by_text("Good", exact=True).click()
     page.wait_for_timeout(SETTLE_MS)
-    _save(page, folder, "settings", left=SIZE["width"] - 400, width=400)
+    side = page.locator(".workspace-side").bounding_box()
+    assert side is not None
+    _save(page, folder, "settings", left=round(side["x"]), width=round(side["width"]))
     page.get_by_role("button", name="Render", exact=True).first.click()
     page.wait_for_url("**/#/jobs/*")
     job = page.url.rsplit("/", 1)[-1].partition("?")[0]

@@ -35,6 +35,32 @@ def test_orbiting_keeps_target_and_distance(node: Node) -> None:
     np.testing.assert_allclose(back["eye"], VIEW["eye"], atol=1e-12)
 
 
+@pytest.mark.parametrize("axis", [1, 2])
+@pytest.mark.parametrize("move", ["m.orbit(v, 0.01, -0.05)", "m.pan(v, 0.01, -0.05)", "m.fly(v, 0, -0.2, 0)", "m.dolly(v, 1.1)"])
+def test_eye_stays_above_floor(node: Node, axis: int, move: str) -> None:
+    """Turning, moving, flying and pulling back as often as one likes neither goes through the floor nor rolls the view."""
+    up = [0.0, 0.0, 0.0]
+    up[axis] = 1.0
+    eye = [3.0, -0.5, -0.5]
+    target = [0.0, 0.0, 0.0]
+    target[axis] = 0.6  # the eye looks up, so that pulling back lowers it
+    floor = f"m.floorBelow(true, {up}, [-1, -1, -1], 4)"
+    body = f"const floor = {floor}; let v = a; for (let i = 0; i < 60; i++) v = m.aboveFloor(v, {move}, floor); return v;"
+    view = node.call("scene/orbit", body, {**VIEW, "eye": eye, "target": target, "up": up})
+    assert vector(view, "eye")[axis] == pytest.approx(-0.96)
+    if "orbit" in move:
+        assert view["target"] == target
+        assert np.linalg.norm(vector(view, "eye") - target) == pytest.approx(np.linalg.norm(np.subtract(eye, target)))
+    if "fly" in move:
+        assert vector(view, "target")[axis] == pytest.approx(0.14)
+    free = node.call("scene/orbit", body.replace("true", "false"), {**VIEW, "eye": eye, "target": target, "up": up})
+    assert vector(free, "eye")[axis] < -1, "there is no floor"
+    below = [-3.0, -2.0, -2.0]
+    low = {**VIEW, "eye": below, "target": target, "up": up}
+    lower = node.call("scene/orbit", f"return m.aboveFloor(a, m.fly(a, 0, -0.2, 0), {floor});", low)
+    assert vector(lower, "eye")[axis] == pytest.approx(-2.2), "a camera below the floor is free"
+
+
 def test_box_outside_the_pyramid_of_view_is_not_in_view(node: Node) -> None:
     """Boxes beside, above and behind the camera, or before it; a panorama sees all."""
     camera = {"eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40}

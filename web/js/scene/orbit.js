@@ -161,6 +161,53 @@ export function lookAt(view, place) {
   return Math.abs(along) > Math.sin(STEEPEST) ? view : next;
 }
 
+/**
+ * Floor below a scene: its height along `up`, and the height above it down to which the eye may go.
+ * @typedef {{up: Vec3, height: number, clearance: number}} Floor
+ */
+
+/**
+ * Returns the floor below a scene, or null if it has none of the studio's.
+ * @param {boolean} hasFloor
+ * @param {Vec3} up axis of the scene
+ * @param {ArrayLike<number>} low lower corner of the scene
+ * @param {number} size of the scene: its diagonal
+ * @returns {Floor | null}
+ */
+export function floorBelow(hasFloor, up, low, size) {
+  return hasFloor ? { up, height: up.reduce((sum, value, i) => sum + value * (low[i] ?? 0), 0), clearance: CLEARANCE * size } : null;
+}
+
+/** Least height of the eye above the floor, in diagonals of the scene. */
+const CLEARANCE = 0.01;
+
+/**
+ * Returns a view whose eye does not go through the floor, which would hide the scene: an eye that turns around its target slides
+ * along the floor, and one that moves with its target stays above it. A camera that was below already is free.
+ *
+ * @param {View} before
+ * @param {View} next
+ * @param {Floor | null} floor
+ * @returns {View}
+ */
+export function aboveFloor(before, next, floor) {
+  if (!floor) return next;
+  const { up, height, clearance } = floor;
+  const was = dot(before.eye, up);
+  const lowest = Math.min(height + clearance, was);
+  const missing = lowest - dot(next.eye, up);
+  if (was <= height || missing <= 0) return next;
+  if (next.target.some((value, i) => value !== before.target[i])) {
+    const lift = scale(up, missing);
+    return { ...next, eye: add(next.eye, lift), target: add(next.target, lift) };
+  }
+  const away = subtract(next.eye, next.target);
+  const rise = lowest - dot(next.target, up);
+  const level = subtract(away, scale(up, dot(away, up)));
+  const across = Math.sqrt(Math.max(dot(away, away) - rise * rise, 0));
+  return { ...next, eye: add(next.target, add(scale(unit(level), across), scale(up, rise))) };
+}
+
 /** Largest difference between the numbers of equal views, relative to the distance of the target. */
 const SAME = 1e-4;
 

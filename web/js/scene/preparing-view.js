@@ -11,7 +11,7 @@ import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
 import { PREPARING } from "./clarity.js";
 import { beginView, passMesh, takeMesh } from "./mesh-relay.js";
-import { lookAt } from "./orbit.js";
+import { floorBelow, lookAt } from "./orbit.js";
 import { blenderNotice, waitsForBlender } from "./scene-notices.js";
 import { keepTurned, meshOf } from "./preview-mesh.js";
 import { sideHand } from "./side-hand.js";
@@ -113,9 +113,10 @@ export function preparingView(scene, steps) {
     standard.update();
     if (!isTurned) glide(first);
     letGo();
+    const size = Math.hypot(...high.map((value, i) => value - (low[i] ?? 0))) || 1;
     letGo = viewHand(surface, {
-      ...{ view: () => view ?? first, turn, pressed: () => false, keyed: () => false },
-      size: Math.hypot(...high.map((value, i) => value - (low[i] ?? 0))) || 1,
+      ...{ view: () => view ?? first, turn, pressed: () => false, keyed: () => false, size },
+      floor: () => floorBelow(Boolean(mesh?.hasFloor), latest.cameras.at(-1)?.view.up ?? UP, low, size),
       centre: () => turn(lookAt(view ?? first, /** @type {Vec3} */ (high.map((value, i) => (value + (low[i] ?? 0)) / 2)))),
     });
   };

@@ -3,7 +3,7 @@
  * On a touch screen one finger scrolls the page until the view was tapped.
  */
 
-import { dolly, fly, orbit, pan } from "./orbit.js";
+import { aboveFloor, dolly, fly, orbit, pan } from "./orbit.js";
 
 /** @typedef {import("../base/types.js").View} View */
 
@@ -31,9 +31,11 @@ const FLIGHT = { w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], e: [0
  * @param {(event: KeyboardEvent) => boolean} hand.keyed whether the key was
  * @param {(event: MouseEvent) => void} hand.centre
  * @param {number} hand.size of the scene: its diagonal
+ * @param {() => import("./orbit.js").Floor | null} hand.floor which the eye does not go through
  * @returns {() => void} lets go
  */
-export function viewHand(surface, { view, turn, pressed, keyed, centre, size }) {
+export function viewHand(surface, { view, turn: show, pressed, keyed, centre, size, floor }) {
+  const turn = (/** @type {View} */ next) => show(aboveFloor(view(), next, floor()));
   /** Pressed pointers with their latest positions. @type {Map<number, {x: number, y: number}>} */
   const down = new Map();
   let tap = { x: 0, y: 0, at: 0 };

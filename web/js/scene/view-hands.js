@@ -5,7 +5,7 @@ import { t } from "../base/words.js";
 import { PLACE_SUN } from "../forms/environment-fields.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
-import { alongSight, lookAt } from "./orbit.js";
+import { alongSight, floorBelow, lookAt } from "./orbit.js";
 import { sunHand } from "./sun-hand.js";
 import { viewHand } from "./view-hand.js";
 import { viewTools } from "./view-tools.js";
@@ -101,6 +101,7 @@ export function viewHands({ scene, form, frame, surface, instead, seen, size, pi
     view: form.view,
     turn,
     size: diagonal(scene.bounds),
+    floor: () => floorBelow(Boolean(scene.has_floor), scene.cameras.at(-1)?.view.up ?? [0, 1, 0], scene.bounds?.[0] ?? [], diagonal(scene.bounds)),
     pressed: tools.press,
     keyed: tools.key,
     centre: (event) => tools.chosen() || pick(event, ({ position }) => position && turn(lookAt(form.view(), position))),
