@@ -438,12 +438,11 @@ def install_apart(folder, maker, *packages):
 def run_benchmarks(arguments):
     """Runs all benchmarks or the named ones; those that take hours only by name."""
     folder = ROOT / "tests" / "benchmarks"
-    names = next((i for i, a in enumerate(arguments) if a.startswith("-")), len(arguments))
-    wanted, options = arguments[:names], arguments[names:]
     known = {path.stem[len("bench_") :]: path for path in sorted(folder.glob("bench_*.py"))}
-    unknown = [name for name in wanted if name not in known]
-    if unknown:
-        fail("There is no benchmark " + ", ".join(unknown) + "; known are " + ", ".join(known) + ".")
+    names = next((i for i, a in enumerate(arguments) if a not in known), len(arguments))
+    wanted, options = arguments[:names], arguments[names:]  # a benchmark may take arguments of its own, such as files
+    if options and not wanted and not options[0].startswith("-"):
+        fail("There is no benchmark " + options[0] + "; known are " + ", ".join(known) + ".")
     if options and not wanted:
         print(
             "python3 farm.py bench [name ...] [its options]; each tells its own by --help. Without a name: all but "

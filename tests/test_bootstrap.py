@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -70,14 +71,31 @@ def test_outdated_python_gets_an_error_message() -> None:
     assert "This is Python 3.9; Rayfarm needs Python 3.11, 3.12 or 3.13" in done.stderr
 
 
-@pytest.mark.parametrize(("codes", "expected"), (([3], 3), ([0], 0), ([0, 3], 1)))
-def test_benchmark_keeps_its_exit_code(codes: list[int], expected: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`farm.py bench gpu` ends with 3 while steps are left. Of several benchmarks it is known only whether one failed."""
+def _farm() -> Any:
     specification = importlib.util.spec_from_file_location("farm", ROOT / "farm.py")
     assert specification is not None
     assert specification.loader is not None
     farm = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(farm)
+    return farm
+
+
+def test_benchmark_receives_its_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What follows the names of benchmarks are their arguments; a first name that is none is an error."""
+    farm = _farm()
+    commands: list[list[str]] = []
+    monkeypatch.setattr(farm, "install", lambda extras: sys.executable)
+    monkeypatch.setattr(subprocess, "call", lambda command, **options: commands.append(command) or 0)
+    assert farm.run_benchmarks(["first_picture", "a.glb", "--rounds", "1"]) == 0
+    assert [command[2:] for command in commands] == [["a.glb", "--rounds", "1"]]
+    with pytest.raises(SystemExit):
+        farm.run_benchmarks(["first_pitcure", "a.glb"])
+
+
+@pytest.mark.parametrize(("codes", "expected"), (([3], 3), ([0], 0), ([0, 3], 1)))
+def test_benchmark_keeps_its_exit_code(codes: list[int], expected: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`farm.py bench gpu` ends with 3 while steps are left. Of several benchmarks it is known only whether one failed."""
+    farm = _farm()
     left = [*codes]
     monkeypatch.setattr(farm, "install", lambda extras: sys.executable)
     monkeypatch.setattr(subprocess, "call", lambda command, **options: left.pop(0))
