@@ -1,4 +1,4 @@
-"""What stands on a wide, flat floor: the default camera frames it without the rest of the floor."""
+"""Bounding box of what stands on a wide, flat floor: the default camera frames it without the rest of the floor."""
 
 from __future__ import annotations
 

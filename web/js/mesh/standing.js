@@ -38,8 +38,8 @@ export function framedPlaces(drawn, places) {
   const isFlat = (/** @type {Box} */ box) => side(box, UP) <= FLAT * Math.min(side(box, X), side(box, Z));
   const things = boxes.filter((box) => !isFlat(box));
   if (!things.length || things.length === boxes.length) return places;
-  const lying = union(things);
-  const floors = boxes.filter((box) => isFlat(box) && (box.high[UP] ?? 0) <= (lying.low[UP] ?? 0) + SUNK * side(lying, UP));
+  const raised = union(things);
+  const floors = boxes.filter((box) => isFlat(box) && (box.high[UP] ?? 0) <= (raised.low[UP] ?? 0) + SUNK * side(raised, UP));
   if (!floors.length) return places;
   const [floor, standing] = [union(floors), union(boxes.filter((box) => !floors.includes(box)))];
   const isWide = [X, Z].every((axis) => side(floor, axis) >= LONGER * side(standing, axis));
