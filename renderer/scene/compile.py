@@ -347,11 +347,7 @@ def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.n
     says, shows nothing within the bounds has `sees_nothing`, unless the scene has an environment with light, which it shows, or
     nothing that any camera could see.
     """
-    points = points if len(points) else _corners(bounds)
-    if (standing := standing_box(description)) is not None:
-        above = within_footprint(description, points, standing)
-        points = above if len(above) else _corners(standing)
-    automatic = room_view(description, bounds) or frame(points, description.up)
+    automatic = room_view(description, bounds) or frame(_framed(description, bounds, points), description.up)
     cameras = [*_aimed_cameras(description, bounds), Camera(AUTO_CAMERA, automatic)]
     width, height = (
         int(description.defaults.get(name) or usual) for name, usual in zip(("width", "height"), DEFAULT_SIZE, strict=True)
@@ -360,6 +356,15 @@ def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.n
     shows_world = world is not None and world.strength * max(world.color) > 0.0
     corners = None if shows_world or invisible_note(description) else _corners(bounds)
     return [_camera_dict(camera, corners, width / height) for camera in cameras]
+
+
+def _framed(description: SceneDescription, bounds: np.ndarray, points: np.ndarray) -> np.ndarray:
+    points = points if len(points) else _corners(bounds)
+    standing = standing_box(description)
+    if standing is None:
+        return points
+    above = within_footprint(description, points, standing)
+    return above if len(above) else _corners(standing)
 
 
 def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
