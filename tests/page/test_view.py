@@ -61,6 +61,19 @@ def test_eye_stays_above_floor(node: Node, axis: int, move: str) -> None:
     assert vector(lower, "eye")[axis] == pytest.approx(-2.2), "a camera below the floor is free"
 
 
+@pytest.mark.parametrize("height", [-1.0, -0.98])
+def test_eye_comes_near_a_target_at_the_floor(node: Node, height: float) -> None:
+    """Coming ever nearer to a point on the floor, or just above it, leaves a view that can be turned and moved."""
+    body = (
+        "const floor = m.floorBelow(true, [0, 1, 0], [-1, -1, -1], 4); let v = a;"
+        "for (let i = 0; i < 60; i++) v = m.aboveFloor(v, m.dolly(v, 0.85), floor);"
+        "return [v, m.aboveFloor(v, m.orbit(v, 0.1, -0.1), floor), m.aboveFloor(v, m.pan(v, 0.1, -0.1), floor)];"
+    )
+    for view in node.call("scene/orbit", body, {**VIEW, "target": [0.0, height, 0.0]}):
+        assert np.isfinite([view["eye"], view["target"]]).all()
+        assert vector(view, "eye")[1] >= -0.96 - 1e-12
+
+
 def test_box_outside_the_pyramid_of_view_is_not_in_view(node: Node) -> None:
     """Boxes beside, above and behind the camera, or before it; a panorama sees all."""
     camera = {"eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40}

@@ -183,7 +183,8 @@ const CLEARANCE = 0.01;
 
 /**
  * Returns a view whose eye does not go through the floor, which would hide the scene: an eye that turns around its target slides
- * along the floor, and one that moves with its target stays above it. A camera that was below already is free.
+ * along the floor, and one that moves with its target, or comes near a target at the floor, stays above it. A camera that was
+ * below already is free.
  *
  * @param {View} before
  * @param {View} next
@@ -197,12 +198,13 @@ export function aboveFloor(before, next, floor) {
   const lowest = Math.min(height + clearance, was);
   const missing = lowest - dot(next.eye, up);
   if (was <= height || missing <= 0) return next;
-  if (next.target.some((value, i) => value !== before.target[i])) {
+  const away = subtract(next.eye, next.target);
+  const rise = lowest - dot(next.target, up);
+  const isSteep = Math.abs(rise) > Math.sin(STEEPEST) * length(away); // the target is too near for the eye to slide around it
+  if (isSteep || next.target.some((value, i) => value !== before.target[i])) {
     const lift = scale(up, missing);
     return { ...next, eye: add(next.eye, lift), target: add(next.target, lift) };
   }
-  const away = subtract(next.eye, next.target);
-  const rise = lowest - dot(next.target, up);
   const level = subtract(away, scale(up, dot(away, up)));
   const across = Math.sqrt(Math.max(dot(away, away) - rise * rise, 0));
   return { ...next, eye: add(next.target, add(scale(unit(level), across), scale(up, rise))) };
