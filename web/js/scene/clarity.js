@@ -28,8 +28,20 @@ export function clarity(samples, noise, isDone, isDenoised) {
   return [tn(n, "{n} sample", "{n} samples"), seen, isDone && t("done")].filter(Boolean).join(", ");
 }
 
-/** Returns the words for a stand-in of the view's picture. @param {boolean} isDone @param {boolean} isOtherLight whether the stand-in has another light */
-export const previewWords = (isDone, isOtherLight) => (isOtherLight ? t("New light: rendering …") : isDone ? t("Preview") : t("Preview, rendering …"));
+/**
+ * Returns the words for a stand-in of the view's picture.
+ *
+ * @param {boolean} isDone
+ * @param {boolean} isOtherLight whether the stand-in has another light
+ * @param {number} [mean] samples per pixel that the view's picture has so far
+ * @param {number} [needed] samples per pixel with which it is shown
+ */
+export function previewWords(isDone, isOtherLight, mean = 0, needed = 0) {
+  if (isOtherLight) return t("New light: rendering …");
+  if (isDone) return t("Preview");
+  const n = Math.round(mean);
+  return n > 0 && n < needed ? t("Preview, rendering {n} of {all}", { n, all: needed }) : t("Preview, rendering …");
+}
 
 /** The words for a view of a scene of which nothing can be seen from any side. */
 export const nothingWords = t("Nothing visible");

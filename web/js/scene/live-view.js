@@ -29,7 +29,7 @@ import { LIVE } from "./sides.js";
 import { takes } from "./takes.js";
 import { projectionOf } from "./projection.js";
 import { sceneOf } from "./requested-scene.js";
-import { CLEAR_SPP, SHARP_SPP } from "./replacement.js";
+import { CLEAR_SPP, DENOISED_SPP, SHARP_SPP } from "./replacement.js";
 import { ViewFilm } from "./view-film.js";
 import { viewHands } from "./view-hands.js";
 import { ViewLink } from "./view-link.js";
@@ -298,7 +298,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
         if (counted.id !== id) counted = { id, n: 0 };
         if (!cover.isInstead) counted.n = Math.max(counted.n, spp); // a denoised picture may have fewer than the noise had before it
         if (invisible()) say(nothingWords, done, "nothing");
-        else if (cover.isInstead) say((!done && !cover.isOtherLight && meanwhile.steps.line) || previewWords(done, cover.isOtherLight), done);
+        else if (cover.isInstead) say((!done && !cover.isOtherLight && meanwhile.steps.line) || previewWords(done, cover.isOtherLight, mean, DENOISED_SPP[cover.shown]), done);
         else say(isRough ? roughWords : clarity(counted.n, noise, done, denoised), done, counted.n ? "" : "waiting");
       }
       state.title = done ? "" : [progressWords(mean, noise), tn(slots, "{n} slot", "{n} slots")].filter(Boolean).join(", ");

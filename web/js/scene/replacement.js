@@ -43,7 +43,7 @@ const SHARP_SHARE = 0.9;
 const NOISY_SPP = { nothing: SHARP_SPP, thumbnail: SHARP_SPP, mesh: SHARP_SPP, clear: 2 * SHARP_SPP, projected: 1 };
 
 /** Those with which a denoised picture does. @type {Record<Shown, number>} */
-const DENOISED_SPP = { nothing: 0, thumbnail: 0, mesh: CLEAR_SPP, clear: POSTER_SPP, projected: SHARP_SPP };
+export const DENOISED_SPP = { nothing: 0, thumbnail: 0, mesh: CLEAR_SPP, clear: POSTER_SPP, projected: SHARP_SPP };
 
 /** Returns whether a picture replaces what is shown. While denoised pictures come, noise replaces nothing that is of the same view. @param {Facts} facts */
 export function replaces({ shown, isOutdated, isPoor, spp, share, isDenoised, isLast, isLatest, denoises, waited }) {
