@@ -111,8 +111,9 @@ uniform bool isBlack; // nothing is around the scene
 #ifdef FOLLOWED
 const int STEPS = 7, HALVINGS = 3; // along a ray, and of the step in which something is met
 const vec2 THICK = vec2(0.3, 0.5); // a point is hidden if the surface seen towards it is nearer than this part of its distance
-// Roughness, and distance of what the cube shows in proportion to that of the place from its middle, from which a ray shows what the cube does where it
-// leaves the bounds: how far away that is matters little there, and edges where rays begin to meet something would be seen in a rough surface.
+// Ranges of roughness, and of the distance of the surface that a ray meets, in proportion to that of the ray's origin from the cube's middle, over which
+// the cube is looked up where the ray leaves the bounds instead: parallax is small there, and rough surfaces would show sharp edges where rays begin to
+// meet a surface.
 const vec2 ROUGH = vec2(0.05, 0.2), FAR_AWAY = vec2(0.75, 1.5);
 // Distance of the surface that the cube shows towards a point, in proportion to the point's own.
 float seenBehind(vec3 way) {

@@ -94,7 +94,7 @@ centroid in vec2 texel;
 in vec3 place;
 in vec4 shown;
 out vec4 pixel;
-const float SHARPER = -1.0; // level of detail: mipmaps mix what lies side by side in a texture only, such as the black of tyres and white
+const float SHARPER = -1.0; // bias of the level of detail: coarse mipmaps mix colours that are neighbours in a texture but not on the surface
 const float SOLID = 0.98; // opacity from which blended surfaces are drawn with the opaque ones
 bool isHidden(float opacity) {
   return (alphaMode == 1 && opacity < cutoff) || (alphaMode == 2 && (pass == ${PASS.blend}) == (opacity >= SOLID));
