@@ -21,10 +21,10 @@ __all__ = ["check_machine"]
 PYTHONS = ((3, 11), (3, 12), (3, 13))
 NEEDED_CACHE = 2 << 30
 LOW_MEMORY = 4 << 30
-# What to do where a machine has a card and no card is used, by the code of the reason.
+# Advice for a machine whose cards are not used, by the code of the reason.
 DRIVER_ADVICE = {
-    "cards-unused": "Install NVIDIA's driver, 530 or later, with its library for CUDA (Debian: libcuda1). A container gets the "
-    "machine's by NVIDIA's container toolkit.",
+    "cards-unused": "Install NVIDIA's driver, 530 or later, with its library for CUDA (Debian: libcuda1). In a container, "
+    "NVIDIA's container toolkit provides the machine's driver.",
     "cards-none-found": "`nvidia-smi` shows the cards that the driver finds; a container has to be given them.",
     "cards-driver-not-started": "`nvidia-smi` may name the cause; restart the machine after an update of the driver.",
 }

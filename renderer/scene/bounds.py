@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.description import Instance, SceneDescription
+from renderer.scene.description import Instance, SceneDescription, Sphere
 
-__all__ = ["bounds_of", "instance_boxes"]
+__all__ = ["bounds_of", "instance_boxes", "sphere_boxes"]
 
 _ROUNDING = 1e-9  # relative, of boxes
 
@@ -20,7 +20,7 @@ def bounds_of(description: SceneDescription) -> npt.NDArray[np.float64]:
         if len(mesh.triangles):
             used = mesh.positions[np.unique(mesh.triangles)] @ each.transform[:3, :3].T + each.transform[:3, 3]
             points += [used.min(axis=0)[None], used.max(axis=0)[None]]
-    points += [np.array([ball.center]) + sign * ball.radius for ball in description.spheres for sign in (-1, 1)]
+    points.append(sphere_boxes(description.spheres).reshape(-1, 3))
     whole = np.concatenate(points)
     return np.stack([whole.min(axis=0), whole.max(axis=0)])
 
@@ -37,3 +37,9 @@ def instance_boxes(description: SceneDescription, placed: list[Instance]) -> npt
     centres = np.einsum("nij,nj->ni", places[:, :3, :3], middles) + places[:, :3, 3]
     reach = np.einsum("nij,nj->ni", np.abs(places[:, :3, :3]), halves) * (1.0 + _ROUNDING) + _ROUNDING * np.abs(centres)
     return np.stack([centres - reach, centres + reach], axis=1)
+
+
+def sphere_boxes(spheres: list[Sphere]) -> npt.NDArray[np.float64]:
+    """Returns the bounding boxes of spheres: (n, 2, 3)."""
+    found = np.array([(*each.center, each.radius) for each in spheres], np.float64).reshape(-1, 4)
+    return np.stack([found[:, :3] - found[:, 3:], found[:, :3] + found[:, 3:]], axis=1)

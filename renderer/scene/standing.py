@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.bounds import instance_boxes
+from renderer.scene.bounds import instance_boxes, sphere_boxes
 from renderer.scene.description import SceneDescription
 
 __all__ = ["standing_box", "within_footprint"]
@@ -22,14 +22,13 @@ _MARGIN = 1e-5  # of a footprint, relative to its longest side: points are round
 def standing_box(description: SceneDescription) -> F64 | None:
     """Returns the bounding box (2, 3) of all that stands on a floor of the file; None if there is no such floor.
 
-    A floor is every object that is flat and has all other objects above it; together floors are much wider than those. So a
-    terrain, the ground in a room and a table top remain in the picture whole. The studio's floor, which is added, counts as none.
-    The page does the same (web/js/mesh/standing.js).
+    A floor is every flat object below all objects that are not flat, if the floors together are much wider than all other
+    objects. So a terrain, the ground in a room and a table top remain in the picture whole. The floor of the studio, which is
+    added to the file, does not count. The page applies the same rule (web/js/mesh/standing.js).
     """
     shown = description.instances if description.subject is None else description.instances[:-1]
     placed = [each for each in shown if len(description.meshes[each.mesh].triangles)]
-    balls = [np.array([np.subtract(s.center, s.radius), np.add(s.center, s.radius)]) for s in description.spheres]
-    boxes = np.concatenate([instance_boxes(description, placed), np.array(balls).reshape(-1, 2, 3)])
+    boxes = np.concatenate([instance_boxes(description, placed), sphere_boxes(description.spheres)])
     up, across = _axes(description)
     size = boxes[:, 1] - boxes[:, 0]
     is_floor = size[:, up] <= _FLAT * size[:, across].min(axis=1)
@@ -49,7 +48,7 @@ def standing_box(description: SceneDescription) -> F64 | None:
 
 
 def within_footprint(description: SceneDescription, points: F64, box: F64) -> F64:
-    """Returns those of the points (N, 3) that are above, in or below a box (2, 3)."""
+    """Returns the points, of (N, 3), that are above, in or below a box (2, 3)."""
     _, across = _axes(description)
     margin = _MARGIN * (box[1] - box[0]).max()
     inside = (points[:, across] >= box[0, across] - margin) & (points[:, across] <= box[1, across] + margin)

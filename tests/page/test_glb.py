@@ -200,19 +200,3 @@ def test_invalid_camera_is_left_out(node: Node, model: bytes, perspective: dict[
 
     found = read_in_page(node, edited(model, add))
     assert found["view"] == read_in_page(node, model)["view"]
-
-
-def test_page_frames_what_stands_on_a_floor_as_the_service(node: Node) -> None:
-    """Of a floor and a box on it, the box is framed; of a floor with a wall as wide, everything."""
-    body = """
-        const identity = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
-        const shapes = a.map((positions) => ({ positions: Float64Array.from(positions), indices: [] }));
-        const drawn = shapes.map((shape) => ({ shape, matrix: identity }));
-        return [...m.framedPlaces(drawn, Float64Array.from(a.flat()))];"""
-
-    def ends(low: list[float], high: list[float]) -> list[float]:
-        return [*low, *high, low[0], high[1], high[2]]
-
-    floor, thing, wall = ends([-4, -0.05, -4], [4, 0, 4]), ends([-1, 0, -1], [0.5, 1, 1]), ends([-4, 0, -4], [4, 3, -3.9])
-    assert node.call("mesh/standing", body, [floor, thing]) == thing
-    assert node.call("mesh/standing", body, [floor, thing, wall]) == [*floor, *thing, *wall]

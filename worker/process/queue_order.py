@@ -4,7 +4,8 @@ Live views come first, then pieces of joint batches that this worker has begun, 
 workers meet. The other queues are read in turn. After each message of a view, denoising comes first once, since the last picture
 of a job would otherwise wait until all views are done; then preparation of scenes, since a view may wait for it, for instance
 for a scene with other lighting. After VIEWS_A_BATCH messages of views, a batch comes first once, since a job would otherwise make
-no progress while a view is turned. A batch takes about as long as five messages of views.
+no progress while a view is turned. A batch takes about as long as five messages of views. The messages of graphics cards take up
+to 2 s and always wait for views.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Dispatching batches: from the choice of a job to the lease, which lasts until the result arrives.
 
 scheduler.py     fills the window of outstanding batches
-batch_outcomes.py  what became of them
+batch_outcomes.py  ends leases: results, failures, returns, losses
 job_queue.py     the jobs that workers of one kind may render, by priority
 batch_groups.py  several batches in one message
 sites.py         batches for the machines of a site

@@ -68,7 +68,7 @@ function withTip(element, input, { help }) {
  */
 export function groupsField(setting, start, changed, _own, groups) {
   const input = h("input", { type: "checkbox", role: "switch", checked: Boolean(start), onchange: changed });
-  const element = h("label", { class: "check" }, input, t("Lights separately"));
+  const element = h("label", { class: "check" }, input, t("Separate lights"));
   setTip(element, input, t("The brightness and colour of each light can be changed after rendering: {groups}.", { groups: groups.join(", ") }));
   const names = start || groups.slice(0, MOST_GROUPS).join(",");
   return { setting, element, get: () => (input.checked ? names : "") };

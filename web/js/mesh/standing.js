@@ -9,8 +9,16 @@ const [X, UP, Z] = [0, 1, 2];
 
 /** @typedef {{low: number[], high: number[]}} Box */
 
-/** @param {Box[]} boxes */
-const union = (boxes) => ({ low: [X, UP, Z].map((i) => Math.min(...boxes.map(({ low }) => low[i] ?? 0))), high: [X, UP, Z].map((i) => Math.max(...boxes.map(({ high }) => high[i] ?? 0))) });
+/** Returns the bounding box of boxes, of which a scene may have hundreds of thousands. @param {Iterable<Box>} boxes @returns {Box} */
+function union(boxes) {
+  const [low, high] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
+  for (const box of boxes)
+    for (const axis of [X, UP, Z]) {
+      low[axis] = Math.min(low[axis] ?? 0, box.low[axis] ?? 0);
+      high[axis] = Math.max(high[axis] ?? 0, box.high[axis] ?? 0);
+    }
+  return { low, high };
+}
 
 /** @param {Box} box @param {number} axis */
 const side = ({ low, high }, axis) => (high[axis] ?? 0) - (low[axis] ?? 0);
@@ -39,9 +47,9 @@ export function framedPlaces(drawn, places) {
   const things = boxes.filter((box) => !isFlat(box));
   if (!things.length || things.length === boxes.length) return places;
   const raised = union(things);
-  const floors = boxes.filter((box) => isFlat(box) && (box.high[UP] ?? 0) <= (raised.low[UP] ?? 0) + SUNK * side(raised, UP));
-  if (!floors.length) return places;
-  const [floor, standing] = [union(floors), union(boxes.filter((box) => !floors.includes(box)))];
+  const floors = new Set(boxes.filter((box) => isFlat(box) && (box.high[UP] ?? 0) <= (raised.low[UP] ?? 0) + SUNK * side(raised, UP)));
+  if (!floors.size) return places;
+  const [floor, standing] = [union(floors), union(boxes.filter((box) => !floors.has(box)))];
   const isWide = [X, Z].every((axis) => side(floor, axis) >= LONGER * side(standing, axis));
   const isLong = Math.max(side(floor, X), side(floor, Z)) >= LONGER * Math.max(...[X, UP, Z].map((axis) => side(standing, axis)));
   if (!isWide || !isLong || side(floor, X) * side(floor, Z) < WIDER * side(standing, X) * side(standing, Z)) return places;

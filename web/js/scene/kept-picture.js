@@ -83,7 +83,7 @@ void main() {
   float alone = smoothstep(0.85, 1.0, open(1.0, uv, MARGIN));
   pixel = vec4(textureLod(kept, uv, 0.0).rgb, 1.0) * alone;
 }`;
-const WITH_FLOOR = `#version 300 es
+const BEHIND_VERTEX = `#version 300 es
 uniform vec4 floorLight; // exposed radiance of the floor where no shadow falls on it; alpha 0: it is not known
 uniform int curve;
 out vec2 at;
@@ -160,14 +160,14 @@ void main() {
 /** Turn of the camera, as an angle plus its way by its distance, from which a kept picture shows little of what the camera sees. */
 const FAR_TURN = 0.9;
 
-/** Distances from the middle, in radii of the scene, between which what the picture hides of the floor is no longer coloured as what is beside it. */
+/** Distances from the middle, in radii of the scene, between which hidden floor changes from the colour of the picture beside it to that without shadows. */
 const SHADED = [2, 4];
 
 export class KeptPicture {
   /** @param {WebGL2RenderingContext} gl */
   constructor(gl) {
     this.gl = gl;
-    this.program = programOf(gl, WITH_FLOOR, FRAGMENT);
+    this.program = programOf(gl, BEHIND_VERTEX, FRAGMENT);
     /** @type {WebGLTexture | null} */
     this.color = null;
     /** @type {WebGLTexture | null} */

@@ -114,7 +114,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   }
   const frame = h("div", { class: "live-view-frame" }, surface);
   const state = h("p", { class: "small quiet number view-state", role: "status", "aria-live": "off" });
-  /** What the pill says, where it matters later. @type {"" | "preparing" | "waiting" | "nothing"} */
+  /** Kind of the sentence in the pill, if a later event replaces it. @type {"" | "preparing" | "waiting" | "nothing"} */
   let told = "";
   /** @param {string} sentence @param {boolean} [aloud] by a screen reader: its end, and not each sample on the way @param {typeof told} [is] */
   const say = (sentence, aloud = true, is = "") => {

@@ -1,7 +1,7 @@
 /** The lamps by which a preview mesh is shaded: the strongest ones, and what all others and reflections between surfaces add. */
 
 import { rectangleOf } from "./mesh-parts.js";
-import { MOST_GLOWS, MOST_LAMPS } from "./mesh-shader.js";
+import { MOST_GLOWS, MOST_LAMPS } from "./mesh-light-shader.js";
 import { boxOf } from "./mesh-shadow-places.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */

@@ -64,7 +64,7 @@ export class MeshMirrors {
   /** @param {WebGL2RenderingContext} gl */
   constructor(gl) {
     this.gl = gl;
-    /** Format of the cubes' colours, in which surfaces that shine have theirs too where the browser can draw more than 8 bits. */
+    /** Format of the cubes' colours: half floats, which also hold the radiance of emissive surfaces, if the browser can draw them. */
     this.format = gl.getExtension("EXT_color_buffer_float") ? gl.RGBA16F : gl.SRGB8_ALPHA8;
     /** @type {Mirrored[]} */
     this.cubes = [];

@@ -73,8 +73,10 @@ const ROOM = 0.01;
 
 /** Side length of the views of the scene's albedo, in radii. */
 const ALBEDO_SIDE = 2.1;
-/** Width of a texel of these views, half as many as the floor's map has along a side, in texels of that; and of the depth of the scene, from below to above. */
-export const [VIEW_TEXEL, VIEW_DEPTH] = [ALBEDO_SIDE / REACH, FLOOR_TEXELS / REACH];
+/** Width of a texel of these views, in texels of the floor's map, which has twice as many along a side. */
+export const VIEW_TEXEL = ALBEDO_SIDE / REACH;
+/** Height between the depths 0 and 1 of these views, in texels of the floor's map. */
+export const VIEW_DEPTH = FLOOR_TEXELS / REACH;
 
 /** Returns the axes of the views of a scene's albedo, which turn places into shares of a view. @param {Subject} subject @returns {[Vec3, Vec3]} */
 export function albedoAxes(subject) {

@@ -1,7 +1,7 @@
 /** The shaders of a preview mesh's shadows: maps of depth from the light, and how much of the light each pixel misses. */
 
 import { FLOOR_MAP_GLSL } from "./mesh-floor-shader.js";
-import { EDGED_GLSL } from "./mesh-shader.js";
+import { EDGED_GLSL } from "./mesh-light-shader.js";
 
 /** Tiles of the map of depth, in a row and in all: each shows the scene from one direction. */
 export const [ACROSS, TILES] = [8, 64];

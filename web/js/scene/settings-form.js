@@ -175,7 +175,7 @@ export function settingsForm(scene, submit, start = null, asShot = false, waitin
     setCaution(words, remedy) {
       if (words === caution.words) return;
       caution = { words, remedy };
-      render.classList.toggle("primary", !words); // what it would render is not worth the emphasis
+      render.classList.toggle("primary", !words); // with a caution, rendering is not the suggested action
       fill(estimate, words, remedy && " ", remedy && h("button", { class: "text-button", type: "button", onclick: remedy.run }, remedy.word));
       update();
     },

@@ -31,7 +31,7 @@ const FLIGHT = { w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], e: [0
  * @param {(event: KeyboardEvent) => boolean} hand.keyed whether the key was
  * @param {(event: MouseEvent) => void} hand.centre
  * @param {number} hand.size of the scene: its diagonal
- * @param {() => import("./orbit.js").Floor | null} hand.floor which the eye does not go through
+ * @param {() => import("./orbit.js").Floor | null} hand.floor floor above which the eye stays; null: there is none
  * @returns {() => void} lets go
  */
 export function viewHand(surface, { view, turn: show, pressed, keyed, centre, size, floor }) {
