@@ -57,7 +57,7 @@ def _build(kernel: str) -> None:
     """Builds a kernel for cards and for the processor if it is missing, as the test's time limit would include that."""
     settings, variant = example_of(kernel)[1], base_variant(kernel)
     if not (jit.is_cached(card_kernel_name(kernel)) and jit.is_cached(kernel_name(settings, variant))):
-        print(f"building kernel {kernel} for cards and for the processor, some minutes of a core", file=sys.stderr)
+        print(printable(f"building kernel {kernel} for cards and for the processor, some minutes of a core"), file=sys.stderr)
     ptx_of(kernel)
     warm_up(settings, variant)
 
