@@ -81,7 +81,7 @@ def _farm() -> Any:
 
 
 def test_benchmark_receives_its_files(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What follows the names of benchmarks are their arguments; a first name that is none is an error."""
+    """Arguments after the names of benchmarks are passed on to them. An unknown first name is an error."""
     farm = _farm()
     commands: list[list[str]] = []
     monkeypatch.setattr(farm, "install", lambda extras: sys.executable)

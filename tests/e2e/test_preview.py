@@ -210,7 +210,7 @@ TABLE += "".join(_box((x, 0, z), (x + 0.2, 0.3, z + 0.2), 8 * (i + 1)) for i, (x
 
 @pytest.mark.long
 def test_floor_of_a_preview_is_nearly_black_below_a_low_body(farm: Farm, watched: Watched) -> None:
-    """White feet and a white bottom 0.3 above the floor reflect next to nothing: what they see is dark too."""
+    """The floor below a white table is dark: the white feet and the bottom above it receive almost no light to reflect."""
     page = watched.page
     page.goto(farm.url)
     view = {"eye": [0, 0.9, 14], "target": [0, 0.8, 0], "up": [0, 1, 0], "fov": 30}
@@ -222,7 +222,7 @@ def test_floor_of_a_preview_is_nearly_black_below_a_low_body(farm: Farm, watched
 
 @pytest.mark.long
 def test_floor_hides_a_preview_from_below(farm: Farm, watched: Watched) -> None:
-    """Its lower side is seen, in the light from below, which is weaker than that from above."""
+    """From below, the preview shows the lower side of the floor, lit by the weaker light from below."""
     page = watched.page
     page.goto(farm.url)
     view = {"eye": [0, -3, 9], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40}
@@ -241,7 +241,7 @@ FROM_ABOVE = {"eye": [0, 9, 6], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 50}
 
 @pytest.mark.long
 def test_shadow_of_the_sun_in_a_preview_has_a_smooth_edge(farm: Farm, watched: Watched) -> None:
-    """Along its edge, the floor is as bright everywhere: half as bright as beside it."""
+    """The edge of the sun's shadow is smooth: along it the floor has half the brightness of the sunlit floor everywhere."""
     page = watched.page
     page.set_viewport_size({"width": 1000, "height": 1000})
     page.goto(farm.url)
@@ -255,7 +255,7 @@ def test_shadow_of_the_sun_in_a_preview_has_a_smooth_edge(farm: Farm, watched: W
 
 @pytest.mark.long
 def test_shadow_of_the_sun_in_a_preview_has_the_colour_of_the_sky(farm: Farm, watched: Watched) -> None:
-    """What a yellow cube reflects onto the floor in its shadow comes from there: not from the floor in the sun."""
+    """The shadow of a yellow cube stays blue: the cube reflects no light of the sunlit floor into it."""
     page = watched.page
     page.set_viewport_size({"width": 1000, "height": 1000})
     page.goto(farm.url)
@@ -278,7 +278,7 @@ KEEP = """const picture = new OffscreenCanvas(40, 40);
 
 @pytest.mark.long
 def test_kept_picture_has_its_floor_as_far_as_the_renderer(farm: Farm, watched: Watched) -> None:
-    """While the camera turns around, the floor that a green picture shows is green; all other floor has its own light."""
+    """While the camera turns, the floor has the colour of a kept picture where that shows it, else its own light."""
     page = watched.page
     page.goto(farm.url)
     view = {"eye": [0, 3, -12], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 30}
@@ -396,7 +396,7 @@ def test_metal_of_a_preview_shows_what_is_near_in_its_place(farm: Farm, watched:
 
 @pytest.mark.long
 def test_metal_of_a_preview_shows_the_colour_of_what_shines(farm: Farm, watched: Watched) -> None:
-    """A dark metal shows the blue of a surface that itself is too bright for the picture."""
+    """A dark metal reflects the blue of a surface that is itself shown white, as it is too bright."""
     page = watched.page
     page.goto(farm.url)
     shape = MIRROR.split("usemtl wall")[0] + "v 0 4 -3\nusemtl glow\nf 1 2 7\n"
@@ -461,7 +461,7 @@ def test_lamps_of_a_preview_shine_through_a_pane_and_beside_what_glows(farm: Far
 
 @pytest.mark.long
 def test_wall_of_a_preview_has_the_colour_that_the_floor_reflects(farm: Farm, watched: Watched) -> None:
-    """The side that the lamps do not light is as red as the floor before it."""
+    """The unlit side of a wall is red in front of a red floor."""
     page = watched.page
     page.goto(farm.url)
     shape = PANE.split("v -0.5 1")[0] + "v -0.5 0.2 0.5\nv 0.5 0.2 0.5\nv 0.5 1.5 0.5\nv -0.5 1.5 0.5\nusemtl wall\nf 5 6 7 8\n"

@@ -38,7 +38,7 @@ def test_orbiting_keeps_target_and_distance(node: Node) -> None:
 @pytest.mark.parametrize("axis", [1, 2])
 @pytest.mark.parametrize("move", ["m.orbit(v, 0.01, -0.05)", "m.pan(v, 0.01, -0.05)", "m.fly(v, 0, -0.2, 0)", "m.dolly(v, 1.1)"])
 def test_eye_stays_above_floor(node: Node, axis: int, move: str) -> None:
-    """Turning, moving, flying and pulling back as often as one likes neither goes through the floor nor rolls the view."""
+    """Repeated turning, moving, flying and pulling back never takes the eye through the floor."""
     up = [0.0, 0.0, 0.0]
     up[axis] = 1.0
     eye = [3.0, -0.5, -0.5]
@@ -63,7 +63,7 @@ def test_eye_stays_above_floor(node: Node, axis: int, move: str) -> None:
 
 @pytest.mark.parametrize("height", [-1.0, -0.98])
 def test_eye_comes_near_a_target_at_the_floor(node: Node, height: float) -> None:
-    """Coming ever nearer to a point on the floor, or just above it, leaves a view that can be turned and moved."""
+    """A view that was pulled in to a point on or just above the floor can still be turned and moved."""
     body = (
         "const floor = m.floorBelow(true, [0, 1, 0], [-1, -1, -1], 4); let v = a;"
         "for (let i = 0; i < 60; i++) v = m.aboveFloor(v, m.dolly(v, 0.85), floor);"

@@ -201,7 +201,7 @@ def test_settled_picture_is_the_latest_denoised_one_and_stays_after_it_was_shown
 def test_view_that_is_left_while_it_is_denoised_is_denoised_again_only_if_needed(
     session: ViewSession, min_samples: int, is_lost: bool
 ) -> None:
-    """Otherwise the second picture would delay the job that was started from the view."""
+    """Denoising it twice would delay the job that was started from the view."""
     show(session, 1, denoises=True)
     add_samples(session, 0, 6)
     add_samples(session, GUIDES_AFTER, GUIDE_SAMPLES - GUIDES_AFTER, is_guide=True)

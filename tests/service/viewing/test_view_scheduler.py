@@ -13,7 +13,7 @@ from service.viewing.view_scheduler import AFTER_JOB_S, ViewScheduler
 
 
 def test_last_picture_of_a_left_view_waits_for_the_job_that_was_started_from_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It would occupy a slot in the first seconds of the job, which is watched."""
+    """Denoising that picture would take a slot from the job in its first seconds."""
     scheduler, denoised = ViewScheduler.__new__(ViewScheduler), list[ViewSession]()
     session, board = ViewSession(lambda: None), SimpleNamespace(batches_out=1)
     scheduler._sessions, scheduler._out, scheduler._first_pictures = {session.id: session}, {}, FirstPictures()

@@ -37,7 +37,7 @@ def test_denoising_takes_a_turn_after_each_message_of_a_view() -> None:
 
 
 def test_job_gets_batches_beside_a_busy_view() -> None:
-    """All queues always have messages, as while a view is turned."""
+    """With messages in all queues, as while a view is turned, every ninth is a batch."""
     view, render, needs = view_queue("k"), render_queue("k"), needs_queue("k", "tag:big")
     turns = ViewsFirstOrder()
     turns.update([render, view, needs, prepare_queue("k"), denoise_queue("k")])

@@ -165,7 +165,7 @@ vec4 metAlong(vec3 place, vec3 way, float rough) {
 #endif
 }
 #ifdef BALLS
-uniform samplerCube mirroredBalls; // they only, as the rest
+uniform samplerCube mirroredBalls; // the balls alone, encoded as mirrored
 uniform int ballCount;
 uniform vec4 balls[${MOST_BALLS}]; // middles and radii, of mirrors negative ones
 const float BEYOND = 0.04; // how far within its outline a ball is looked up, in radii: what is beyond it is not seen from the cube's middle

@@ -357,7 +357,7 @@ uniform vec4 places[4]; // of the lamps, with 1, or directions to them, with 0
 out vec4 part;
 ${POINT_GLSL}
 #ifndef FLOOR
-// Where the surface through a point is seen so many pixels away.
+// Offset from place to the point of its tangent plane that is seen so many pixels away. n: normal of the plane.
 vec3 beside(vec3 place, vec3 n, vec2 pixels) {
   vec2 at = 2.0 * (gl_FragCoord.xy + pixels) / vec2(textureSize(seenDepth, 0)) - 1.0;
   vec4 near = fromClip * vec4(at, -1.0, 1.0), far = fromClip * vec4(at, 1.0, 1.0);
@@ -366,7 +366,7 @@ vec3 beside(vec3 place, vec3 n, vec2 pixels) {
 }
 #endif
 const float MOST_STEP = 0.01; // of a tile's width
-// Way in a tile from a sample to the next one, for a way between pixels in the scene.
+// Step between samples in a lamp's tile, for an offset in the scene.
 vec3 stepOf(mat4 toTile, vec4 seen, vec3 way) {
   vec4 moved = toTile * vec4(way, 0.0);
   vec3 found = 0.25 * (moved.xyz - moved.w * seen.xyz / seen.w) / seen.w;
