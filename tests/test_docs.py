@@ -1,4 +1,4 @@
-"""Tests of the documentation: links to existing files, headings and pictures; every page reachable from the README; the page's keys."""
+"""Tests of the documentation: valid links, every page reachable from the README, and the guide of the page lists its keys."""
 
 from __future__ import annotations
 
