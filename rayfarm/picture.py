@@ -233,9 +233,9 @@ def parse_distortion(given: Any) -> LensDistortion | None:
 
 
 def _panel_place(each: inspect.Parameter) -> int:
-    """Returns the place of a parameter's panel in the help; -1 for arguments and options without a panel."""
-    panel = each.annotation.__metadata__[0].rich_help_panel
-    return options.PANELS.index(panel) if panel else -1
+    """Returns the place of a parameter's panel in the help; -1 for arguments, and for options without a panel."""
+    panels = [option.rich_help_panel for option in getattr(each.annotation, "__metadata__", ())]
+    return options.PANELS.index(panels[0]) if any(panels) else -1
 
 
 def takes_picture(command: Callable[..., Any]) -> Callable[..., None]:
