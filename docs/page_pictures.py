@@ -214,6 +214,7 @@ def _takes(chromium: Browser, server: str, folder: Path) -> None:
         page.get_by_label("Name of the take").locator("visible=true").fill(name)
         page.keyboard.press("Enter")
     page.evaluate("document.activeElement.blur()")
+    page.locator(".takes .strip").evaluate("strip => strip.scrollLeft = 0")  # a new take scrolls it to the end
     page.mouse.move(5, 5)
     page.wait_for_timeout(3 * SETTLE_MS)
     _save_jpeg(page, folder / f"{TAKES}.jpg")
