@@ -12,18 +12,18 @@ from service.scheduling.artifacts.denoising import Denoising
 __all__ = ["DenoisedPreviews"]
 
 REST = 19.0  # times the slot-seconds of the last preview until the farm makes another: previews take a twentieth of its time
-EARLY_REST = 2.0  # the same after a rough preview: a third
-GROWTH = 2  # of the samples after which a preview is renewed
+EARLY_REST = 2.0  # the same after a rough preview, which thus takes a third of the time
+GROWTH = 2  # factor by which the samples grow until a preview is renewed
 EARLY_GROWTH = 1.25  # the same of a rough preview
 UNRESTED_GROWTH = 4  # growth after which a rough preview is renewed without a rest: at about 1, 4, 16 and 64 samples
-MOST_SECONDS = 60.0  # that a preview counts, whatever its worker reports
+MOST_SECONDS = 60.0  # limit of the duration that a worker reports for a preview
 
 
 class DenoisedPreviews(Denoising):
     """Denoised previews, renewed as samples come.
 
     A frame's first preview is made at once; it is renewed when its samples have grown by GROWTH, a rough one by EARLY_GROWTH,
-    since users watch the first minute of a picture. Rough is a preview of fewer than ROUGH_PREVIEW_SAMPLES samples per pixel. All
+    since users watch the first minute of a picture. A preview of fewer than ROUGH_PREVIEW_SAMPLES samples per pixel is rough. All
     renewals together take at most a twentieth of the time of the slots that can denoise, those of rough ones at most a third. A
     rough one is renewed without this limit once its frame has UNRESTED_GROWTH times the samples.
     """
