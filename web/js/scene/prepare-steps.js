@@ -17,8 +17,8 @@ export const STEPS = /** @type {const} */ (["upload", "read", "build", "compile"
 /** @type {Record<Step, string>} */
 const LABELS = { upload: t("Upload"), read: t("Read"), build: t("Build"), compile: t("Compile renderer"), render: t("Render"), denoise: t("Denoise") };
 
-/** What a step does, where the list is folded into a line. @type {Record<Step, string>} */
-const DOING = { upload: t("Uploading …"), read: t("Reading …"), build: t("Building …"), compile: t("Compiling the renderer, about half a minute …"), render: t("Preview, rendering …"), denoise: t("Preview, denoising …") };
+/** What a step does, where the list is folded into a line; the others are counted. @type {Record<Exclude<Step, "render" | "denoise">, string>} */
+const DOING = { upload: t("Uploading …"), read: t("Reading …"), build: t("Building …"), compile: t("Compiling the renderer, about half a minute …") };
 
 /** Fractions of a preparation from which a scene is built, and rendered (worker/reading/prepare.py). */
 const [BUILT_FROM, RENDERED_FROM] = [0.3, 0.85];
@@ -116,7 +116,7 @@ export function prepareSteps(scene) {
     /** The present step as a line in place of the folded list; "": the list says it, or is over. */
     get line() {
       if (isOver || !isFolded || !times.step) return "";
-      return times.step === "render" ? renderingWords(share, isDenoised) : DOING[times.step];
+      return times.step === "render" || times.step === "denoise" ? renderingWords(share, isDenoised) : DOING[times.step];
     },
     /** @param {Scene} next */
     update(next) {
