@@ -12,7 +12,7 @@ from renderer import film
 from renderer.film import ALBEDO, ALPHA_PLANES, CHANNELS, COLOR, COLOR_HALF, NORMAL, SAMPLES, SAMPLES_HALF, Sums
 from service.scheduling.jobs.active_frame import FIRST_ESTIMATE_SAMPLES
 from service.scheduling.jobs.plan import first_check
-from service.viewing.passes import GUIDE_SAMPLES, Level
+from service.viewing.passes import FIRST_GUIDES, Level
 
 __all__ = ["BYTES_A_PIXEL", "GROWTH", "Canvas"]
 
@@ -118,8 +118,8 @@ class Canvas:
 
     @property
     def has_all_guides(self) -> bool:
-        """Returns True if every tile has the guides of GUIDE_SAMPLES samples."""
-        return bool((self._guide_counts >= GUIDE_SAMPLES).all())
+        """Returns True if every tile has the guides of FIRST_GUIDES samples."""
+        return bool((self._guide_counts >= FIRST_GUIDES).all())
 
     def take_tile(self, tile: int) -> tuple[npt.NDArray[np.float32], int, bool, npt.NDArray[np.uint8] | None]:
         """Returns a tile's mean colour, shape (3, h, w), its samples per pixel, and whether it is complete; then its alpha.

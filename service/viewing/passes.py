@@ -4,9 +4,9 @@ A piece is a range of samples of one tile. The first picture is as large as the 
 the measured cost of a sample. If the whole view takes much longer, a picture of medium size follows. The whole view is then
 rendered with 1, 2, 4, 8 ... samples per pixel. All samples of a piece are in one half (renderer.film.in_half), so that the
 noise can be estimated from the sums of the halves. After GUIDES_AFTER samples of a denoised view, the first hits alone of
-further samples are rendered, which cost less than a third of whole paths: the denoiser's guides are then smooth before the
-colour is. A piece takes about PIECE_TARGET_S seconds, so that slots soon become free for a new view. A message to a worker has
-several pieces, so that its round trip is short compared with its rendering.
+the samples up to FIRST_GUIDES are rendered, which cost less than a third of whole paths: the denoiser's guides are then smooth
+before the colour is. A piece takes about PIECE_TARGET_S seconds, so that slots soon become free for a new view. A message to
+a worker has several pieces, so that its round trip is short compared with its rendering.
 """
 
 from __future__ import annotations
@@ -20,7 +20,18 @@ from typing import NamedTuple
 from protocol.view_parts import CLEAN_GUIDE_SAMPLES
 from renderer.settings import Tile, tiles_of
 
-__all__ = ["FIRST_PICTURE_S", "GUIDES_AFTER", "GUIDE_SAMPLES", "DraftSize", "Level", "Passes", "Piece", "draft_size", "levels_of"]
+__all__ = [
+    "FIRST_GUIDES",
+    "FIRST_PICTURE_S",
+    "GUIDES_AFTER",
+    "DraftSize",
+    "Level",
+    "Passes",
+    "Piece",
+    "draft_size",
+    "has_guides",
+    "levels_of",
+]
 
 FIRST_PICTURE_S = 0.035
 PIECE_TARGET_S = 0.03
@@ -31,8 +42,10 @@ UNMEASURED_PIECES, MAX_CARD_PIECES = 16, 256  # of a message to a graphics card 
 DRAFT_S = 0.02  # in which a card renders a draft
 DRAFT_SAMPLES = 4
 DRAFT_STEPS = 8  # sizes of drafts are multiples of the view's size divided by this, so that they seldom change
-GUIDE_SAMPLES = CLEAN_GUIDE_SAMPLES  # samples per pixel whose albedo and normal guide the denoiser
-GUIDES_AFTER = 4  # samples per pixel that are rendered before the first hits of further ones
+GUIDES_AFTER = 1  # samples per pixel that are rendered before the first hits of further ones
+# Samples per pixel whose albedo and normal guide the first denoised picture. With the guides of 16 its error is the same
+# (docs/performance.md); later pictures have those of CLEAN_GUIDE_SAMPLES, which come with their samples.
+FIRST_GUIDES = 4
 GUIDE_COST = 0.3  # cost of a first hit, relative to a whole sample; 0.3 to 0.35 measured
 MAX_LEVEL_RATIO = 8.0  # largest ratio of pixels between two levels
 
@@ -124,7 +137,7 @@ class Passes:
         chosen: list[Piece] = []
         expected = 0.0
         while (piece := self._next_piece()) is not None:
-            if chosen and (not _is_alike(piece, chosen[0]) or expected >= self._message_target_s(piece.level)):
+            if chosen and (not self._is_alike(piece, chosen[0]) or expected >= self._message_target_s(piece.level)):
                 self._held = piece
                 break
             chosen.append(piece)
@@ -140,7 +153,7 @@ class Passes:
         expected = 0.0
         most = MAX_CARD_PIECES if cost_s else UNMEASURED_PIECES
         while (piece := self._next_piece()) is not None:
-            if chosen and (not _is_alike(piece, chosen[0]) or expected >= CARD_MESSAGE_TARGET_S or len(chosen) >= most):
+            if chosen and (not self._is_alike(piece, chosen[0]) or expected >= CARD_MESSAGE_TARGET_S or len(chosen) >= most):
                 self._held = piece
                 break
             chosen.append(piece)
@@ -159,6 +172,10 @@ class Passes:
         """Returns the expected time to render a piece on one slot, in seconds."""
         tile = self.levels[piece.level].tiles[piece.tile]
         return self._cost_s * tile.w * tile.h * piece.count * (GUIDE_COST if piece.is_guide else 1.0)
+
+    def _is_alike(self, a: Piece, b: Piece) -> bool:
+        """Returns True if one message may have both pieces: it has one size, one set of settings and one set of planes."""
+        return (a.level, a.is_guide) == (b.level, b.is_guide) and (not self._has_guides or has_guides(a) == has_guides(b))
 
     def _message_target_s(self, level: int) -> float:
         return 0.0 if level == 0 and len(self.levels) > 1 else MESSAGE_TARGET_S
@@ -191,13 +208,13 @@ class Passes:
     def _guide_pieces(self, number: int) -> Iterator[Piece]:
         for tile, rect in enumerate(self.levels[number].tiles):
             at_once = max(1, int(PIECE_TARGET_S / (GUIDE_COST * self._cost_s * rect.w * rect.h)))
-            for at in range(GUIDES_AFTER, GUIDE_SAMPLES, at_once):
-                yield Piece(number, tile, at, min(at_once, GUIDE_SAMPLES - at), is_guide=True)
+            for at in range(GUIDES_AFTER, FIRST_GUIDES, at_once):
+                yield Piece(number, tile, at, min(at_once, FIRST_GUIDES - at), is_guide=True)
 
 
-def _is_alike(a: Piece, b: Piece) -> bool:
-    """Returns True if one message may have both pieces: it has one size and one set of settings."""
-    return (a.level, a.is_guide) == (b.level, b.is_guide)
+def has_guides(piece: Piece) -> bool:
+    """Returns True if albedo and normal of a piece guide the denoiser. Those of each sample are added once."""
+    return piece.is_guide or piece.first < GUIDES_AFTER or FIRST_GUIDES <= piece.first < CLEAN_GUIDE_SAMPLES
 
 
 def _tiles(width: int, height: int, cost_s: float, at_least: int) -> list[Tile]:

@@ -24,7 +24,7 @@ from renderer.image import rgbe9995
 from renderer.settings import RenderSettings
 from service.viewing.canvas import Canvas
 from service.viewing.denoised import DENOISING_FAILURES_ALLOWED, DenoisedView
-from service.viewing.passes import GUIDES_AFTER, DraftSize, Passes, Piece, levels_of
+from service.viewing.passes import FIRST_GUIDES, GUIDES_AFTER, DraftSize, Passes, Piece, has_guides, levels_of
 from service.viewing.view_request import ViewRequest, view_hash
 
 __all__ = ["SettledPicture", "ViewSession"]
@@ -33,8 +33,8 @@ SHOW_EVERY_S = 0.25  # while a picture is incomplete
 SHOW_CONVERGED_S = 2.0  # for a view that has been shown for long and changes slowly
 MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this time, so that dragging shows pictures
 MIN_DRAFT_WAIT_S = 2.0  # the same until its draft has come
-# A view is denoised from GUIDES_AFTER samples on, with clean guides, if these take at most this time; else from one on.
-GUIDED_AFTER_S = 2.0
+# A view is denoised first with FIRST_GUIDES samples per pixel if these take at most this time: denoising fewer would save none.
+FIRST_DENOISED_S = 0.5
 COST_SAMPLES = 2  # per pixel, with which a view's cost is known: single pieces may be of the sky alone
 DRAFT_REST_S = 0.1  # after a draft, without a request for another view, until the view is rendered
 MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
@@ -199,7 +199,7 @@ class ViewSession:
                 for level in levels
             ]
             whole_s = cost_s * settings.width * settings.height / (max(slots, 1) + card_rate * cost_s)  # of one sample a pixel
-            first = GUIDES_AFTER if GUIDES_AFTER * whole_s <= GUIDED_AFTER_S else 1
+            first = FIRST_GUIDES if FIRST_GUIDES * whole_s <= FIRST_DENOISED_S else GUIDES_AFTER
             self._denoised = DenoisedView(max(self._whole_draft_samples, first), keeps=self.request.is_home) if denoises else None
 
     def end_sampling(self, min_samples: float) -> None:
@@ -233,7 +233,7 @@ class ViewSession:
         """Adds the sums of a piece to the picture. Ignores a piece of a tile that needs no more samples."""
         with self._lock:
             canvas = self._canvases[piece.level]
-            if self._denoised is not None and _has_guides(piece):
+            if self._denoised is not None and has_guides(piece):
                 canvas.add_guides(piece.tile, piece.count, sums)
             if piece.is_guide or canvas.tile_is_complete(piece.tile):  # it may have reached its noise target meanwhile
                 return
@@ -264,12 +264,12 @@ class ViewSession:
 
     def needs_guides(self, pieces: list[Piece]) -> bool:
         """Returns True if albedo and normal of these pieces, which are of one level, guide the denoiser."""
-        return self._denoised is not None and any(map(_has_guides, pieces))
+        return self._denoised is not None and any(map(has_guides, pieces))
 
     def begin_denoising(self) -> tuple[int, int, bool] | None:
         """Sets `means_to_denoise` if a picture is to be denoised now. Returns its size, and whether its guides are clean.
 
-        Returns None if no picture is due. Clean guides have GUIDE_SAMPLES samples per pixel.
+        Returns None if no picture is due. Clean guides have at least FIRST_GUIDES samples per pixel.
         """
         with self._lock:
             if self._denoised is None or not self._canvases or (self._is_denoised_enough and self._denoised.failures == 0):
@@ -277,7 +277,7 @@ class ViewSession:
             last = len(self._canvases) - 1
             canvas = self._canvases[last]
             is_complete = canvas.is_complete or self.is_ending
-            awaits_guides = canvas.mean_samples >= GUIDES_AFTER and not canvas.has_all_guides and not is_complete
+            awaits_guides = not canvas.has_all_guides and not is_complete
             if not awaits_guides and self._denoised.is_due(canvas.samples, canvas.mean_samples, is_complete):
                 self._denoised.begin(*canvas.means(), canvas.mean_samples, last)
                 return canvas.level.width, canvas.level.height, canvas.has_all_guides
@@ -475,8 +475,3 @@ class ViewSession:
             if may_be_mixed and now - self._taken >= min(max(SHOW_EVERY_S, 0.05 * (now - self.begun)), SHOW_CONVERGED_S):
                 return level
         return None
-
-
-def _has_guides(piece: Piece) -> bool:
-    """Returns True if a piece's albedo and normal are added to the guides of a view that is denoised."""
-    return piece.is_guide or piece.first < GUIDES_AFTER

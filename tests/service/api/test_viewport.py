@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 from websockets.exceptions import ConnectionClosed
 
-from protocol.view_parts import VIEW_ANSWERS, Part, ViewDenoise, ViewFrame, ViewParts, view_key, view_queue
+from protocol.view_parts import CLEAN_GUIDE_SAMPLES, VIEW_ANSWERS, Part, ViewDenoise, ViewFrame, ViewParts, view_key, view_queue
 from renderer import film as film_math
 from renderer.image import rgbe9995
 from renderer.settings import Tile
@@ -23,7 +23,6 @@ from service.access.rate_limit import RateLimit
 from service.scenes import takes
 from service.scheduling.records import Records
 from service.viewing import memory_limit, view_cards
-from service.viewing.passes import GUIDE_SAMPLES
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
 from tests.service.viewer import look
@@ -93,7 +92,7 @@ def test_view_is_denoised_and_then_never_noisy(service: Service) -> None:
 
     def clean(samples: int) -> np.ndarray:
         sums = expected_sums(Tile(0, 0, 96, 64), 0, samples, 3)
-        guides = expected_sums(Tile(0, 0, 96, 64), 0, min(samples, GUIDE_SAMPLES), 3)
+        guides = expected_sums(Tile(0, 0, 96, 64), 0, min(samples, CLEAN_GUIDE_SAMPLES), 3)
         albedo, normal = (film_math.mean(guides, 24, planes) for planes in (film_math.ALBEDO, film_math.NORMAL))
         return rgbe9995.unpack(rgbe9995.pack(film_math.mean(sums, 24) / 2 + albedo + normal))
 

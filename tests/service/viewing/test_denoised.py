@@ -11,7 +11,7 @@ from renderer.settings import Tile
 from service.viewing import denoised
 from service.viewing.canvas import Canvas
 from service.viewing.denoised import EARLY_REST, EARLY_SAMPLES, LOST_S, REST, DenoisedView
-from service.viewing.passes import GUIDE_SAMPLES, Level
+from service.viewing.passes import FIRST_GUIDES, Level
 from tests.service.peer_worker import expected_sums
 
 PICTURE = np.full((2, 3, 3), 0.5, np.float32)
@@ -90,11 +90,11 @@ def test_canvas_gives_means_of_colour_and_guides() -> None:
         for first, count in ((0, 1), (1, 7), (8, 8)):
             canvas.add(index, first, count, expected_sums(tile, first, count, 0))
         assert not canvas.has_all_guides
-        canvas.add_guides(index, GUIDE_SAMPLES, expected_sums(tile, 0, GUIDE_SAMPLES, 0))
+        canvas.add_guides(index, FIRST_GUIDES, expected_sums(tile, 0, FIRST_GUIDES, 0))
     assert canvas.has_all_guides
     whole = Tile(0, 0, 12, 6)
     color, albedo, normal = canvas.means()
     np.testing.assert_allclose(color, film.mean(expected_sums(whole, 0, 16, 0), 24), rtol=1e-5)
-    guides = expected_sums(whole, 0, GUIDE_SAMPLES, 0)
+    guides = expected_sums(whole, 0, FIRST_GUIDES, 0)
     np.testing.assert_allclose(albedo, film.mean(guides, 24, film.ALBEDO), rtol=1e-5)
     np.testing.assert_allclose(normal, film.mean(guides, 24, film.NORMAL), rtol=1e-5)

@@ -8,14 +8,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from protocol.view_parts import CLEAN_GUIDE_SAMPLES
 from service.viewing.passes import (
     DRAFT_S,
+    FIRST_GUIDES,
     FIRST_PICTURE_S,
-    GUIDE_SAMPLES,
     GUIDES_AFTER,
     Passes,
     Piece,
     draft_size,
+    has_guides,
     levels_of,
 )
 
@@ -57,9 +59,16 @@ def test_guides_follow_the_first_samples_in_messages_of_their_own(cost: float) -
         if piece.is_guide:
             numbers[piece.tile] += range(piece.first, piece.first + piece.count)
             assert all(each.first < GUIDES_AFTER for each in whole[:place] if not each.is_guide)
-    assert all(found == list(range(GUIDES_AFTER, GUIDE_SAMPLES)) for found in numbers.values())
+    assert all(found == list(range(GUIDES_AFTER, FIRST_GUIDES)) for found in numbers.values())
     plain = [piece for pieces in all_of(Passes(levels, cost)) for piece in pieces]
     assert [piece for pieces in sent for piece in pieces if not piece.is_guide] == plain, "all samples besides"
+    guiding = {tile: [] for tile in numbers}
+    for pieces in sent:
+        assert len({has_guides(piece) for piece in pieces}) == 1, "a message has one set of planes"
+        for piece in pieces:
+            if has_guides(piece) and piece.level == len(levels) - 1:
+                guiding[piece.tile] += range(piece.first, piece.first + piece.count)
+    assert all(found == list(range(CLEAN_GUIDE_SAMPLES)) for found in guiding.values()), "each sample guides once"
     few = all_of(Passes(levels_of(160, 90, GUIDES_AFTER, cost, 2), cost, has_guides=True))
     assert not any(piece.is_guide for pieces in few for piece in pieces), "the view is complete before they would be used"
 

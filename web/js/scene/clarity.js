@@ -29,18 +29,28 @@ export function clarity(samples, noise, isDone, isDenoised) {
 }
 
 /**
+ * Returns the words for a view whose picture is not shown yet.
+ *
+ * @param {number} part of the samples with which it is shown
+ * @param {boolean} denoises whether it is denoised before
+ */
+export function renderingWords(part, denoises) {
+  if (part >= 1 && denoises) return t("Preview, denoising …");
+  const n = Math.floor(100 * Math.min(part, 1));
+  return n ? t("Preview, rendering {n} %", { n }) : t("Preview, rendering …");
+}
+
+/**
  * Returns the words for a stand-in of the view's picture.
  *
  * @param {boolean} isDone
  * @param {boolean} isOtherLight whether the stand-in has another light
- * @param {number} [mean] samples per pixel that the view's picture has so far
- * @param {number} [needed] samples per pixel with which it is shown
+ * @param {number} [part] of the samples with which the view's picture is shown
+ * @param {boolean} [denoises] whether it is denoised before
  */
-export function previewWords(isDone, isOtherLight, mean = 0, needed = 0) {
+export function previewWords(isDone, isOtherLight, part = 0, denoises = false) {
   if (isOtherLight) return t("New light: rendering …");
-  if (isDone) return t("Preview");
-  const n = Math.round(mean);
-  return n > 0 && n < needed ? t("Preview, rendering {n} of {all}", { n, all: needed }) : t("Preview, rendering …");
+  return isDone ? t("Preview") : renderingWords(part, denoises);
 }
 
 /** The words for a view of a scene of which nothing can be seen from any side. */

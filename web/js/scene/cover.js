@@ -28,7 +28,7 @@ import { meshPicture } from "./view-pictures.js";
  * @property {string} nearest the same picture, smaller, which the page has loaded before; "": none
  * @property {boolean} isFinished
  * @property {boolean} isSame whether it is of the same view
- * @property {{element: HTMLElement, isOpen: boolean, line: string, fold: () => boolean, follow: (samples: number, all: number, message: string, denoises: boolean) => void, end: () => void}} steps of an upload, shown until the first picture
+ * @property {{element: HTMLElement, isOpen: boolean, line: string, fold: () => boolean, follow: (part: number, message: string, denoises: boolean) => void, end: () => void}} steps of an upload, shown until the first picture
  * @property {boolean} [isClear] whether it was this very view, or the scene's poster, when it was clear
  */
 

@@ -29,7 +29,7 @@ import { LIVE } from "./sides.js";
 import { takes } from "./takes.js";
 import { projectionOf } from "./projection.js";
 import { sceneOf } from "./requested-scene.js";
-import { CLEAR_SPP, DENOISED_SPP, SHARP_SPP } from "./replacement.js";
+import { SHARP_SPP, neededSpp } from "./replacement.js";
 import { ViewFilm } from "./view-film.js";
 import { viewHands } from "./view-hands.js";
 import { ViewLink } from "./view-link.js";
@@ -291,14 +291,15 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       shownSpp = denoised ? spp : 0;
       if (isLatest && (done || (denoised && spp >= SHARP_SPP))) clearId = id;
       if (id !== null && isLatest && pictureId() === id && (done || mean >= WHOLE_SPP)) dark.explain(id, done || mean >= BLACK_SPP);
-      meanwhile.steps.follow(mean, CLEAR_SPP, saidOf(found, "message"), cover.willBeDenoised());
+      const part = mean / neededSpp(cover.shown, denoises);
+      meanwhile.steps.follow(part, saidOf(found, "message"), denoises);
       if (message) say(saidOf(found, "message"));
       else if (bound && (isLatest || cover.isInstead)) {
         const isRough = !cover.isInstead && denoised && !spp; // a small picture
         if (counted.id !== id) counted = { id, n: 0 };
         if (!cover.isInstead) counted.n = Math.max(counted.n, spp); // a denoised picture may have fewer than the noise had before it
         if (invisible()) say(nothingWords, done, "nothing");
-        else if (cover.isInstead) say((!done && !cover.isOtherLight && meanwhile.steps.line) || previewWords(done, cover.isOtherLight, mean, DENOISED_SPP[cover.shown]), done);
+        else if (cover.isInstead) say((!done && !cover.isOtherLight && meanwhile.steps.line) || previewWords(done, cover.isOtherLight, part, denoises), done);
         else say(isRough ? roughWords : clarity(counted.n, noise, done, denoised), done, counted.n ? "" : "waiting");
       }
       state.title = done ? "" : [progressWords(mean, noise), tn(slots, "{n} slot", "{n} slots")].filter(Boolean).join(", ");

@@ -5,6 +5,7 @@ import { icon } from "../base/icons.js";
 import { jobs } from "../news/farm.js";
 import { uploadSeconds } from "../news/upload-times.js";
 import { t } from "../base/words.js";
+import { renderingWords } from "./clarity.js";
 import { isViewDenoised } from "./denoise-view.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -16,8 +17,8 @@ export const STEPS = /** @type {const} */ (["upload", "read", "build", "compile"
 /** @type {Record<Step, string>} */
 const LABELS = { upload: t("Upload"), read: t("Read"), build: t("Build"), compile: t("Compile renderer"), render: t("Render"), denoise: t("Denoise") };
 
-/** What a step does, where the list is folded into a line. @type {Record<Step, string>} */
-const DOING = { upload: t("Uploading …"), read: t("Reading …"), build: t("Building …"), compile: t("Compiling the renderer, about half a minute …"), render: t("Preview, rendering …"), denoise: t("Preview, denoising …") };
+/** What a step does, where the list is folded into a line; the others are counted. @type {Record<Exclude<Step, "render" | "denoise">, string>} */
+const DOING = { upload: t("Uploading …"), read: t("Reading …"), build: t("Building …"), compile: t("Compiling the renderer, about half a minute …") };
 
 /** Fractions of a preparation from which a scene is built, and rendered (worker/reading/prepare.py). */
 const [BUILT_FROM, RENDERED_FROM] = [0.3, 0.85];
@@ -74,8 +75,8 @@ export function prepareSteps(scene) {
   let isOver = false;
   /** What rendering is doing, and whether the picture is denoised after it. */
   let [doing, isSentence, isDenoised] = ["", false, isViewDenoised()];
-  /** The samples of the picture so far, and those that it needs to be shown. */
-  let [sampled, needed] = [0, 0];
+  /** The part of the samples that the picture needs to be shown. */
+  let share = 0;
   const list = h("ol", { class: "steps small number" });
   const element = h("details", { class: "view-steps", open: true }, h("summary", { title: t("Steps to the first picture"), "aria-label": t("Steps to the first picture") }, icon("down")), list);
   let isFolded = false;
@@ -115,7 +116,7 @@ export function prepareSteps(scene) {
     /** The present step as a line in place of the folded list; "": the list says it, or is over. */
     get line() {
       if (isOver || !isFolded || !times.step) return "";
-      return times.step === "render" && sampled ? t("Preview, rendering {n} of {all}", { n: sampled, all: needed }) : DOING[times.step];
+      return times.step === "render" || times.step === "denoise" ? renderingWords(share, isDenoised) : DOING[times.step];
     },
     /** @param {Scene} next */
     update(next) {
@@ -138,18 +139,16 @@ export function prepareSteps(scene) {
     /**
      * Says how far the picture is.
      *
-     * @param {number} samples per pixel so far
-     * @param {number} all that the picture needs to be shown
+     * @param {number} part of the samples that the picture needs to be shown
      * @param {string} message why there are no new ones; "": there are
      * @param {boolean} denoises whether the picture is denoised after it
      */
-    follow(samples, all, message, denoises) {
-      const n = Math.min(Math.round(samples), all);
-      [sampled, needed] = [n, all];
-      doing = message || t("{n} of {all} samples", { n, all });
+    follow(part, message, denoises) {
+      share = part;
+      doing = message || t("{n} %", { n: Math.floor(100 * Math.min(part, 1)) });
       isSentence = message !== "";
       isDenoised = denoises;
-      if (denoises && n === all && times.step) times.put("denoise", now());
+      if (denoises && part >= 1 && times.step) times.put("denoise", now());
     },
     /** The first picture is seen. */
     end() {

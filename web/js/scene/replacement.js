@@ -23,12 +23,10 @@
 
 /** Samples per pixel after which a view is clear enough to be kept, and one that is never denoised replaces a mesh or a thumbnail: fewer are noise. */
 export const SHARP_SPP = 4;
-/** Samples per pixel from which a denoised picture replaces the sharp preview mesh, which looks better than those of fewer; SHARP_SPP do after ROUGH_MS. */
-export const CLEAR_SPP = 8;
+/** Samples per pixel from which a denoised picture replaces the preview mesh: its error is already smaller (docs/performance.md). */
+export const FIRST_SPP = 1;
 /** Samples per pixel from which a denoised picture replaces a clear one, as many as an idle farm gives a poster. */
 export const POSTER_SPP = 16;
-/** Time, in milliseconds, after which SHARP_SPP samples, which denoising smears, replace the preview mesh. */
-const ROUGH_MS = 3000;
 /** Time, in milliseconds, after which noise replaces an outdated picture: that it is outdated is worse. */
 const OUTDATED_MS = 2000;
 /** Part of the view's width from which a picture is as fine as what is shown. */
@@ -43,7 +41,10 @@ const SHARP_SHARE = 0.9;
 const NOISY_SPP = { nothing: SHARP_SPP, thumbnail: SHARP_SPP, mesh: SHARP_SPP, clear: 2 * SHARP_SPP, projected: 1 };
 
 /** Those with which a denoised picture does. @type {Record<Shown, number>} */
-export const DENOISED_SPP = { nothing: 0, thumbnail: 0, mesh: CLEAR_SPP, clear: POSTER_SPP, projected: SHARP_SPP };
+const DENOISED_SPP = { nothing: 0, thumbnail: 0, mesh: FIRST_SPP, clear: POSTER_SPP, projected: 2 * FIRST_SPP };
+
+/** Returns the samples per pixel with which the view's whole picture replaces what is shown. @param {Shown} shown @param {boolean} denoises */
+export const neededSpp = (shown, denoises) => Math.max((denoises ? DENOISED_SPP : NOISY_SPP)[shown], FIRST_SPP);
 
 /** Returns whether a picture replaces what is shown. While denoised pictures come, noise replaces nothing that is of the same view. @param {Facts} facts */
 export function replaces({ shown, isOutdated, isPoor, spp, share, isDenoised, isLast, isLatest, denoises, waited }) {
@@ -51,8 +52,7 @@ export function replaces({ shown, isOutdated, isPoor, spp, share, isDenoised, is
   if (isOutdated) return isDenoised || !denoises || waited > OUTDATED_MS;
   if (!isDenoised) return !denoises || shown === "nothing" ? isLast || spp >= NOISY_SPP[shown] : false;
   if (isPoor) return true;
-  const needed = shown === "mesh" && waited > ROUGH_MS ? SHARP_SPP : DENOISED_SPP[shown];
-  return share >= FINE_SHARE && (isLast || spp >= needed);
+  return share >= FINE_SHARE && (isLast || spp >= DENOISED_SPP[shown]);
 }
 
 /** Returns whether a picture that is projected for another camera at rest is as sharp as the preview mesh. @param {number} distance of the cameras, 0 ... 1 @param {number} share of the view's width that the picture has */
