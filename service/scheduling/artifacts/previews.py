@@ -5,7 +5,13 @@ from __future__ import annotations
 import time
 from concurrent.futures import Future
 
-from protocol.contract import ROUGH_PREVIEW_SAMPLES, DenoiseFrame
+from protocol.contract import (
+    PREVIEW_GROWTH,
+    ROUGH_PREVIEW_GROWTH,
+    ROUGH_PREVIEW_SAMPLES,
+    UNRESTED_PREVIEW_GROWTH,
+    DenoiseFrame,
+)
 from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
 
@@ -13,19 +19,16 @@ __all__ = ["DenoisedPreviews"]
 
 REST = 19.0  # times the slot-seconds of the last preview until the farm makes another: previews take a twentieth of its time
 EARLY_REST = 2.0  # the same after a rough preview: a third
-GROWTH = 2  # of the samples after which a preview is renewed
-EARLY_GROWTH = 1.25  # the same of a rough preview
-UNRESTED_GROWTH = 4  # growth after which a rough preview is renewed without a rest: at about 1, 4, 16 and 64 samples
 MOST_SECONDS = 60.0  # that a preview counts, whatever its worker reports
 
 
 class DenoisedPreviews(Denoising):
     """Denoised previews, renewed as samples come.
 
-    A frame's first preview is made at once; it is renewed when its samples have grown by GROWTH, a rough one by EARLY_GROWTH,
+    A frame's first preview is made at once; it is renewed when its samples have grown by PREVIEW_GROWTH, a rough one by ROUGH_PREVIEW_GROWTH,
     since users watch the first minute of a picture. Rough is a preview of fewer than ROUGH_PREVIEW_SAMPLES samples per pixel. All
     renewals together take at most a twentieth of the time of the slots that can denoise, those of rough ones at most a third. A
-    rough one is renewed without this limit once its frame has UNRESTED_GROWTH times the samples.
+    rough one is renewed without this limit once its frame has UNRESTED_PREVIEW_GROWTH times the samples.
     """
 
     _rests_until = 0.0
@@ -57,7 +60,7 @@ class DenoisedPreviews(Denoising):
         return made.samples <= samples and (samples < _due_samples(made, pixels) or rests)
 
     def _rests(self, made: ArtifactResult, samples: int, pixels: int) -> bool:
-        has_grown = _is_early(made, pixels) and samples >= UNRESTED_GROWTH * made.samples
+        has_grown = _is_early(made, pixels) and samples >= UNRESTED_PREVIEW_GROWTH * made.samples
         return not has_grown and time.monotonic() < self._rests_until
 
     def _record_made(self, result: ArtifactResult, request: DenoiseFrame) -> None:
@@ -73,4 +76,4 @@ def _is_early(made: ArtifactResult, pixels: int) -> bool:
 
 def _due_samples(made: ArtifactResult, pixels: int) -> float:
     """Returns the number of samples over all pixels with which a preview is renewed."""
-    return made.samples * (EARLY_GROWTH if _is_early(made, pixels) else GROWTH)
+    return made.samples * (ROUGH_PREVIEW_GROWTH if _is_early(made, pixels) else PREVIEW_GROWTH)

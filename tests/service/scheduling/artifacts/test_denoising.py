@@ -19,7 +19,7 @@ import httpx
 import numpy as np
 import pytest
 
-from protocol.contract import DenoiseFrame
+from protocol.contract import ROUGH_PREVIEW_GROWTH, DenoiseFrame
 from renderer.image import rgbe9995
 from service.errors import Conflict
 from service.jobs.denoised import denoised_artifact
@@ -203,7 +203,7 @@ def test_preview_is_renewed_as_samples_grow(service: Service, worker: PeerWorker
         assert answer.status_code == 200, answer.text
         if int(answer.headers["x-samples"]) != made[-1]:
             made.append(int(answer.headers["x-samples"]))
-    assert all(after >= previews.EARLY_GROWTH * before for before, after in pairwise(made[1:-1])), made
+    assert all(after >= ROUGH_PREVIEW_GROWTH * before for before, after in pairwise(made[1:-1])), made
     assert len(worker.denoised) <= 20
     last = raw(service, job, "?denoise=true&preview=true").headers
     assert (int(last["x-samples"]) > 30 * pixels, last["x-preview"]) == (True, "true")
