@@ -66,7 +66,7 @@ def _page() -> str:
         f"/** The kind of a draft's packet, its second byte. */\nexport const DRAFT_KIND = {pictures.DRAFT.kind};\n\n"
         "/** Codes with which the service closes a WebSocket: what it is about is not there, or was deleted. */\n"
         f"export const NOT_FOUND = {websocket.NOT_FOUND};\nexport const GONE = {websocket.GONE};\n\n"
-        "/** Growth of the samples with which a preview is renewed, below a number of samples per pixel and above, and without a rest. */\n"
+        "/** Growth of samples that renews a preview: below so many per pixel, above, and without a rest. */\n"
         f"export const ROUGH_PREVIEW_SAMPLES = {contract.ROUGH_PREVIEW_SAMPLES};\n"
         f"export const ROUGH_PREVIEW_GROWTH = {contract.ROUGH_PREVIEW_GROWTH};\n"
         f"export const PREVIEW_GROWTH = {contract.PREVIEW_GROWTH};\n"

@@ -111,7 +111,7 @@ def test_remaining_time_is_smoothed(node: Node) -> None:
 def test_remaining_time_is_rounded(node: Node) -> None:
     body = "return a.map((seconds) => m.rounded(seconds));"
     seconds = [0.4, 3, 43, 75, 104, 130, 1790, 2740, 3 * 3600]
-    assert node.call("news/time-left", body, seconds) == [5, 5, 45, 80, 100, 120, 1800, 2700, 3 * 3600]
+    assert node.call("news/time-left", body, seconds) == [0, 5, 45, 80, 100, 120, 1800, 2700, 3 * 3600]
 
 
 def test_remaining_time_rises_seldom_and_little(node: Node) -> None:
@@ -137,6 +137,7 @@ def test_remaining_time_is_shown_once_it_is_known(node: Node) -> None:
     assert node.call("news/time-left", body, {**JOB, "active_s": 4, "eta_s": 5}) == "", "it ends soon"
     assert node.call("news/time-left", body, {**JOB, "id": "s", "active_s": 4, "eta_s": 7}) == "about 5 s"
     assert node.call("news/time-left", body, {**JOB, "id": "d", "active_s": 4, "eta_s": 5, "denoising": 6}) == "about 10 s"
+    assert node.call("news/time-left", body, {**JOB, "id": "e", "active_s": 20, "eta_s": 2}) == "a few seconds"
     assert node.call("news/time-left", body, {**JOB, "progress": 0.06, "active_s": 25}) == "about 60 s"
     taken = {**JOB, "progress": 0.52, "spp": 64, "taken": {"spp": 32}}
     assert node.call("news/time-left", body, taken) == "", "it has done 4 % itself"

@@ -276,6 +276,33 @@ def test_stored_picture_has_no_more_samples_than_the_film(samples: int, is_store
     assert engine.existing_preview("j", 1, film) is None
 
 
+@pytest.mark.long
+def test_elapsed_time_of_a_job_includes_its_denoised_picture(service: Service, worker: PeerWorker) -> None:
+    """With `denoise`, from the request for the picture on; the list of jobs shows the same."""
+    scene = service.ready_scene()
+    plain, job = service.submit(scene), service.submit(scene, seed=1, denoise=True)
+    for id in (plain, job):
+        service.wait_for(id, "finished")
+        raw(service, id, "?denoise=true")
+    until(lambda: service.job(job)["elapsed_s"] > service.job(job)["active_s"], "its time is known")
+    listed = {each["id"]: each for each in service.http.get("/api/jobs").json()}
+    assert listed[job]["elapsed_s"] == service.job(job)["elapsed_s"]
+    assert listed[plain]["elapsed_s"] == listed[plain]["active_s"], "a denoised picture was not part of that job"
+
+
+def test_time_of_a_denoised_picture_is_that_of_all_samples() -> None:
+    task = Denoising.__new__(Denoising)
+    task._lock = threading.Lock()
+    task._made = {("j", 0): ArtifactResult("a" * 64, samples=64, waited_s=6.5)}
+    pending = SimpleNamespace(begun=time.monotonic() - 3)
+    task._wanted = {("j", 2): pending}  # type: ignore[dict-item]
+    engine = Engine.__new__(Engine)
+    engine._artifact_tasks = SimpleNamespace(denoising=task)  # type: ignore[assignment]
+    assert engine.denoising_s("j", 0, 64) == 6.5
+    assert engine.denoising_s("j", 0, 65) == 0, "more samples have come"
+    assert 3 <= engine.denoising_s("j", 2, 64) < 60, "it is being made"
+
+
 def test_request_waits_for_the_next_preview() -> None:
     """Otherwise the page would receive the previous one, and request the next too late."""
     rests = [0.05, previews.EARLY_REST * previews.MOST_SECONDS]
@@ -481,9 +508,12 @@ def test_false_duration_of_a_preview_does_not_stop_renewals() -> None:
 def test_stored_pictures_are_known_after_a_restart(tmp_path: Path) -> None:
     kept = KeptArtifacts(tmp_path / "denoised.json")
     assert kept.load() == {}
-    made = {("job", 0): ArtifactResult("a" * 64, "version", 9, 1.5), ("shot", 14): ArtifactResult("b" * 64, "a+b", 3)}
+    made = {("job", 0): ArtifactResult("a" * 64, "version", 9, 1.5, 6.5), ("shot", 14): ArtifactResult("b" * 64, "a+b", 3)}
     kept.save(made)
     assert KeptArtifacts(tmp_path / "denoised.json").load() == made
+    (tmp_path / "denoised.json").write_text(f'[["job", 0, "{"a" * 64}", "version", 9, 1.5]]')
+    earlier = {("job", 0): ArtifactResult("a" * 64, "version", 9, 1.5)}
+    assert kept.load() == earlier, "of a release that did not store how long a request waited"
     (tmp_path / "denoised.json").write_text('[["job", 0, "../secret", "", 1, 0]]')
     assert kept.load() == {}, "no hash"
     (tmp_path / "denoised.json").write_text("[[1]]")
