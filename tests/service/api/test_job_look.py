@@ -1,4 +1,4 @@
-"""Tests of a job's default name and look (exposure, tone curve): stored, shown, without effect on samples and the API's pictures."""
+"""Tests of a job's default name and look (exposure, tone curve): stored and shown; the API's pictures do not change."""
 
 from __future__ import annotations
 
