@@ -399,7 +399,7 @@ class DenoiseFrame:
     them, one value per pixel. The version in its answer is theirs, joined by VERSION_SEPARATOR. Empty: the frame alone, as by
     workers of earlier releases.
 
-    is_preview: of a frame that is being rendered: in a seventh of the processor time, by one thread, with edges that are less
+    is_preview: of a frame that is being rendered: in a twelfth of the processor time, by one thread, with edges that are less
     sharp; a picture of ROUGH_PREVIEW_SAMPLES samples per pixel or more in a third.
 
     guide: the scene of a frame that is denoised alone and is no preview; the worker replaces the albedo by that behind mirrors

@@ -17,8 +17,8 @@ from service.scheduling.artifacts.denoising import Denoising
 
 __all__ = ["DenoisedPreviews"]
 
-REST = 19.0  # times the slot-seconds of the last preview until the farm makes another: previews take a twentieth of its time
-EARLY_REST = 2.0  # the same after a rough preview: a third
+SHARE = 1 / 20  # of the time of the slots that can denoise, at most, for previews that are renewed
+ROUGH_SHARE = 1 / 3  # the same for rough ones
 MOST_SECONDS = 60.0  # that a preview counts, whatever its worker reports
 
 
@@ -60,20 +60,21 @@ class DenoisedPreviews(Denoising):
         return made.samples <= samples and (samples < _due_samples(made, pixels) or rests)
 
     def _rests(self, made: ArtifactResult, samples: int, pixels: int) -> bool:
-        has_grown = _is_early(made, pixels) and samples >= UNRESTED_PREVIEW_GROWTH * made.samples
+        has_grown = _is_rough(made, pixels) and samples >= UNRESTED_PREVIEW_GROWTH * made.samples
         return not has_grown and time.monotonic() < self._rests_until
 
     def _record_made(self, result: ArtifactResult, request: DenoiseFrame) -> None:
         slots = sum(report.slots for report in self._able_workers())
         seconds = min(result.seconds, MOST_SECONDS)
-        rest = EARLY_REST if _is_early(result, request.width * request.height) else REST
-        self._rests_until = time.monotonic() + rest * seconds / max(slots, 1)
+        share = ROUGH_SHARE if _is_rough(result, request.width * request.height) else SHARE
+        # It occupied one of the slots: with the rest it takes this share of all.
+        self._rests_until = time.monotonic() + seconds * max(1 / (share * max(slots, 1)) - 1, 0.0)
 
 
-def _is_early(made: ArtifactResult, pixels: int) -> bool:
+def _is_rough(made: ArtifactResult, pixels: int) -> bool:
     return made.samples < ROUGH_PREVIEW_SAMPLES * pixels
 
 
 def _due_samples(made: ArtifactResult, pixels: int) -> float:
     """Returns the number of samples over all pixels with which a preview is renewed."""
-    return made.samples * (ROUGH_PREVIEW_GROWTH if _is_early(made, pixels) else PREVIEW_GROWTH)
+    return made.samples * (ROUGH_PREVIEW_GROWTH if _is_rough(made, pixels) else PREVIEW_GROWTH)

@@ -305,7 +305,7 @@ def test_time_of_a_denoised_picture_is_that_of_all_samples() -> None:
 
 def test_request_waits_for_the_next_preview() -> None:
     """Otherwise the page would receive the previous one, and request the next too late."""
-    rests = [0.05, previews.EARLY_REST * previews.MOST_SECONDS]
+    rests = [0.05, previews.MOST_SECONDS]
     waited: list[float] = []
     done: Future[ArtifactResult] = Future()
     done.set_result(ArtifactResult("b" * 64, "", 4))
@@ -334,17 +334,20 @@ def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyP
     task._record_made(made, request)
     for after, samples, is_recent in (
         (0.0, 1999, True),
-        (2.8, 5000, True),  # doubled, but the farm rests for 19 * 1.5 s / 10 slots
-        (2.9, 1999, True),
-        (2.9, 2000, False),
+        (1.45, 5000, True),  # doubled, but the farm rests: 1.5 s of one slot are a twentieth of 3 s of ten slots
+        (1.55, 1999, True),
+        (1.55, 2000, False),
         (0.0, 999, False),  # the film was lost, and begun again
     ):
         now[0] = 100.0 + after
         assert task._is_recent(made, samples, 15) is is_recent, (after, samples)
     now[0] = 100.0
     task._record_made(made, replace(request, width=50))
+    assert not task._is_recent(made, 1250, 150), "of few samples per pixel: one of ten slots is less than a third"
+    monkeypatch.setattr(task, "_able_workers", lambda: [SimpleNamespace(slots=2)])
+    task._record_made(made, replace(request, width=50))
     task._made = {("j", 0): made}
-    for after, is_recent, rest in ((0.25, True, 0.05), (0.35, False, 0.0)):  # of few samples per pixel: 2 * 1.5 s / 10 slots
+    for after, is_recent, rest in ((0.7, True, 0.05), (0.8, False, 0.0)):  # 1.5 s are a third of 2.25 s of two slots
         now[0] = 100.0 + after
         assert task._is_recent(made, 1250, 150) is is_recent, after
         assert task._is_recent(made, 1249, 150) is True, after
