@@ -504,7 +504,7 @@ def test_false_duration_of_a_preview_does_not_stop_renewals() -> None:
     workers = SimpleNamespace(roster=SimpleNamespace(ready_reports=list))
     made = DenoisedPreviews(None, workers, None, None)  # type: ignore[arg-type]
     made._record_made(ArtifactResult("", samples=1 << 20, seconds=1e308), DenoiseFrame("", "j", 0, 4, 4))
-    assert made._rests_until - time.monotonic() <= previews.REST * previews.MOST_SECONDS
+    assert made._rests_until - time.monotonic() <= previews.MOST_SECONDS / previews.SHARE
     made.close()
 
 
