@@ -31,7 +31,7 @@ def denoise(
 
     means: path of the file with the frame's mean colour, albedo and normal, float32, each (height, width, 3). is_preview: in a
     third of the time or less, with edges that are less sharp. has_clean_guides: of a preview, whether its albedo and normal are
-    taken as free of noise. is_rough: of a preview, whether it takes half of the time and has a larger error. threads: None for all
+    taken as free of noise. is_rough: of a preview, whether it takes half of the time, with a larger error. threads: None for all
     cores.
     """
     color, albedo, normal = np.fromfile(folder_of(means), "<f4").reshape(3, height, width, 3)
