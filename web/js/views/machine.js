@@ -88,9 +88,11 @@ export function machineCard() {
     const now = speedOf(worker);
     setText(speed, now ? t("{n} samples/s", { n: compact(now) }) : busy ? t("No job") : "–"); // its slots say that they are idle
     speed.title = !now && busy ? t("Its slots work for live views, or prepare or denoise something.") : "";
-    const most = Math.max(now, ...(worker.speeds ?? []));
+    const { speeds: known = [] } = worker;
+    const speeds = [...known.slice(0, -1), Math.max(now, known.at(-1) ?? 0)]; // the last is of this minute
+    const most = Math.max(...speeds);
     setText(peak, most ? t("Last hour, up to {n}/s", { n: compact(most) }) : t("Last hour"));
-    hour.update(worker.speeds ?? []);
+    hour.update(speeds);
     const { memory_used: used, memory_total: total } = worker;
     setText(memory, used != null && total ? t("{done} of {all}", { done: bytes(used), all: bytes(total) }) : t("not reported"));
     gauge.hidden = used == null || !total;
