@@ -17,7 +17,6 @@ import argparse
 import html
 import io
 import json
-import math
 import os
 import re
 import select
@@ -42,7 +41,7 @@ FLAGS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-gl=angle", "--use
 PATIENCE_S = 3600
 SETTLE_MS = 3000
 WIDTHS = {375: 800, 1440: 900, 2560: 1300}
-TOUR, RECORDING, FIRST_STEPS, TERMINAL = "tour", "recording", "first-steps", "terminal"
+TOUR, FIRST_STEPS, TERMINAL = "tour", "first-steps", "terminal"
 TAKES, LIGHT_MIXER = "takes", "light-mixer"
 COLUMNS, LINES = 96, 32  # of the terminal
 WATCHED_S = 8.0
@@ -60,7 +59,6 @@ IS_CLEAR = """least => {
   const words = document.querySelector(".view-state")?.textContent ?? "";
   return words.includes("denoised") && (parseFloat(words) >= least || words.includes("done"));
 }"""
-RECORDED_S = 9.0  # a third turning, the rest converging
 
 
 def main() -> None:
@@ -68,14 +66,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     usual = [*TAKEN, *(name for name in OTHERS if name != TOUR)]
     known = ", ".join(usual)
-    parser.add_argument("names", nargs="*", metavar="name", help=f"{known}; all unless told; or {TOUR}")
-    parser.add_argument("-o", "--output", type=Path, default=PICTURES, help="docs/pictures unless told")
+    parser.add_argument("names", nargs="*", metavar="name", help=f"{known}; by default all; or {TOUR}")
+    parser.add_argument("-o", "--output", type=Path, default=PICTURES, help="by default docs/pictures")
     parser.add_argument("--server", default="http://127.0.0.1:8000", help="the farm's address")
-    parser.add_argument("--job", help="of one picture: a job that is there, in place of a new one")
+    parser.add_argument("--job", help="an existing job to show instead of a new one; with one name only")
     options = parser.parse_args()
     names = options.names or usual
     if not set(names) <= {*TAKEN, *OTHERS} or (options.job and len(names) > 1):
-        parser.error(f"pictures are {', '.join([*TAKEN, *OTHERS])}; --job is of one of them")
+        parser.error(f"pictures are {', '.join([*TAKEN, *OTHERS])}; --job needs one of their names")
     options.output.mkdir(parents=True, exist_ok=True)
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if browser is None:
@@ -121,38 +119,6 @@ def _tour(chromium: Browser, server: str, folder: Path) -> None:
                 page.screenshot(path=folder / f"{name}-{width}-{theme}.png", full_page=name != "job")
             page.close()
     print(f"{len(pages) * len(WIDTHS) * 2} pictures in {folder}", flush=True)
-
-
-def _record(chromium: Browser, server: str, folder: Path) -> None:
-    """Records an interactive view while it is turned and then converges, as an animated WebP in real time."""
-    page = _opened(chromium, viewport={"width": 1200, "height": 700}, color_scheme="light")
-    page.goto(f"{server}/#/scenes/{_scene(server, 'still-life')}")
-    view = page.locator(".live-view canvas:not(.mesh)").first
-    view.wait_for()
-    page.wait_for_timeout(5 * SETTLE_MS)
-    box = view.bounding_box()
-    assert box is not None
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    page.mouse.move(x, y)
-    page.mouse.down()
-    begun = time.monotonic()
-    frames: list[tuple[float, Image.Image]] = []
-    is_down = True
-    while (passed := time.monotonic() - begun) < RECORDED_S:
-        turn = min(passed / (RECORDED_S / 3), 1.0)
-        if is_down:
-            page.mouse.move(x - 0.06 * box["width"] * math.sin(math.pi * turn), y - 0.02 * box["height"] * turn)
-        if is_down and turn == 1.0:
-            page.mouse.up()
-            is_down = False
-        frames.append((passed, Image.open(io.BytesIO(page.screenshot())).convert("RGB").resize((900, 525))))
-    page.close()
-    ends = [*(at for at, _ in frames[1:]), RECORDED_S + 1.0]
-    durations = [round(1000 * (end - at)) for (at, _), end in zip(frames, ends, strict=True)]
-    path = folder / "live-view.webp"
-    images = [image for _, image in frames]
-    images[0].save(path, save_all=True, append_images=images[1:], duration=durations, loop=0, quality=70, method=4)
-    print(f"{path.name}: {len(frames)} pictures, {path.stat().st_size / 1024:.0f} kB", flush=True)
 
 
 def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
@@ -248,6 +214,7 @@ def _takes(chromium: Browser, server: str, folder: Path) -> None:
         page.get_by_label("Name of the take").locator("visible=true").fill(name)
         page.keyboard.press("Enter")
     page.evaluate("document.activeElement.blur()")
+    page.locator(".takes .strip").evaluate("strip => strip.scrollLeft = 0")  # a new take scrolls it to the end
     page.mouse.move(5, 5)
     page.wait_for_timeout(3 * SETTLE_MS)
     _save_jpeg(page, folder / f"{TAKES}.jpg")
@@ -511,7 +478,6 @@ TAKEN = {
 
 OTHERS = {
     TOUR: _tour,
-    RECORDING: _record,
     FIRST_STEPS: _first_steps,
     TAKES: _takes,
     LIGHT_MIXER: _light_mixer,

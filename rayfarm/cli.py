@@ -27,7 +27,7 @@ __all__ = ["COMMANDS", "main"]
 GROUPS = {
     "Render": ("render", "submit", "watch", "jobs", "notes", "info", "dataset", "ocio"),
     "Run a farm": ("up", "worker", "workers", "shares", "site"),
-    "Keep it well": ("doctor", "backup", "gc", "bench"),
+    "Maintain a farm": ("doctor", "backup", "gc", "bench"),
     "Let people in": ("user", "token", "project", "quota"),
     "Work with other programs": ("blender_addon", "husk", "openjd", "mcp", "compare"),
 }

@@ -25,12 +25,12 @@ def parameter(each: DeclaredSetting) -> inspect.Parameter:
     ranged = each.kind in (int, float) and setting.choices is None and inside
     option = typer.Option(
         f"--{each.option}",
-        help=sentences(each),
-        rich_help_panel=shown.section,
+        help=_help(each),
+        rich_help_panel=options.METHODS if shown.group == "lab" else shown.section,
         metavar=_metavar(each),
         min=_bound(setting.low) if ranged else None,
         max=_bound(setting.high) if ranged else None,
-        show_default=_default(each),
+        show_default=False,
     )
     kind: Any = str if each.kind is tuple else each.kind
     return inspect.Parameter(
@@ -64,12 +64,11 @@ def _bound(value: float | None) -> float | None:
     return None if value is None or abs(value) >= LARGE else value
 
 
-def _default(each: DeclaredSetting) -> str | bool:
-    """Returns the default value that an option's help text shows; False if it shows none, as for camera settings.
-
-    If scene files may define the setting, the text says that the scene's value comes first.
-    """
+def _help(each: DeclaredSetting) -> str:
+    """Returns the help text of a setting's option, with its default; camera settings have none."""
     if each.default in (MISSING, None, "", each.setting.off) or each.kind is tuple or each.shown.section == "View":
-        return False
-    default = f"{each.default:g}" if isinstance(each.default, float) else str(each.default)
-    return f"the scene's, else {default}" if each.setting.of == "job" else default
+        return sentences(each)
+    if each.setting.choices is not None:
+        names = [f"{name} (default)" if name == each.default else name for name in each.setting.choices if name]
+        return f"{each.shown.help.rstrip('.')}: {', '.join(names)}."
+    return f"{sentences(each)} By default {each.default:g}."

@@ -26,8 +26,8 @@ WorkerCards = Annotated[
     typer.Option(
         "--gpu",
         metavar="CARDS",
-        help="NVIDIA cards that render, in a slot each of a second worker NAME-gpu: auto: those that pass the self-test; none; "
-        f"all, or numbers such as 0,1: an error if one cannot be used; only: all, and no cores. {NOT_YET_TRIED.capitalize()}.",
+        help="NVIDIA cards to render with, one slot each of a second worker NAME-gpu: `auto` (those that pass the self-test), "
+        f"`none`, `all`, numbers such as 0,1 (an error if one cannot be used), or `only` (all, without cores); {NOT_YET_TRIED}.",
     ),
 ]
 

@@ -49,21 +49,29 @@ __all__ = [
 SKY = "sky:"
 AUTO = "auto"
 
+OUTPUT, SHOT_PANEL, FILE_PANEL = "Output", "Animation", "Scene file"
+QUEUE, PART, MACHINE, METHODS = "Among other jobs", "A part of the picture", "This machine", "Methods to compare"
+# The panels of a command's help, the most used first. "View" to "Samples" are sections of settings.
+PANELS = (
+    *(OUTPUT, "Size and quality", "Environment", "View", SHOT_PANEL, QUEUE, FILE_PANEL),
+    *("Light", "Samples", MACHINE, PART, METHODS),
+)
+
 Aov = Annotated[
     str | None,
     typer.Option(
         metavar="NAME,...",
         help=f"Further layers of an .exr: {', '.join(NAMES)}; `all` means all but {MOTION}, which takes a pass of its own.",
-        rich_help_panel="What is written",
+        rich_help_panel=OUTPUT,
     ),
 ]
 Denoise = Annotated[
     bool,
     typer.Option(
         "--denoise",
-        help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one. On a farm's page, submitted "
-        "shots with this option are shown denoised; submitted stills always, if a worker can denoise.",
-        rich_help_panel="What is written",
+        help="Also write OUT-denoised.EXT, without noise, by Open Image Denoise. A farm's page shows submitted shots "
+        "denoised with this option, and stills always, if a worker can denoise.",
+        rich_help_panel=OUTPUT,
     ),
 ]
 Ocio = Annotated[
@@ -72,21 +80,21 @@ Ocio = Annotated[
         "--ocio",
         metavar="CONFIG",
         help="OCIO config: cg or studio (ACES 2.0), ocio://NAME, or a file; by default $RAYFARM_OCIO, $OCIO, or cg.",
-        rich_help_panel="What is written",
+        rich_help_panel=OUTPUT,
     ),
 ]
 Variant = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME|N", help="One of a glTF file's variants of its materials, by name or number from 0.", rich_help_panel="View"
+        metavar="NAME|N", help="A material variant of a glTF file, by name or number from 0.", rich_help_panel=FILE_PANEL
     ),
 ]
 Strict = Annotated[
     bool,
     typer.Option(
         "--strict",
-        help="Whatever the file's reader guesses, drops or replaces is an error: lists all of it and exits with 1.",
-        rich_help_panel="View",
+        help="Make warnings of the file's reader (what it guesses, drops or replaces) errors: list them and exit with 1.",
+        rich_help_panel=FILE_PANEL,
     ),
 ]
 Root = Annotated[
@@ -94,22 +102,20 @@ Root = Annotated[
     typer.Option(
         "--root",
         metavar="DIR",
-        help="A folder that holds the scene and what it refers to above its own folder.",
-        rich_help_panel="View",
+        help="A folder that has the scene and the files that it refers to outside its own folder.",
+        rich_help_panel=FILE_PANEL,
     ),
 ]
 Frame = Annotated[
     float | None,
-    typer.Option(
-        metavar="N", help="The frame of an animation: frame N shows the time N / fps; by default 0.", rich_help_panel="Time"
-    ),
+    typer.Option(metavar="N", help="The frame: frame N shows the time N / fps; by default 0.", rich_help_panel=SHOT_PANEL),
 ]
 Frames = Annotated[
     str | None,
     typer.Option(
         metavar="A-B[xSTEP],...",
         help="Several frames, each in its own file: `-o out.####.exr`. Existing files are kept.",
-        rich_help_panel="Time",
+        rich_help_panel=SHOT_PANEL,
     ),
 ]
 Turntable = Annotated[
@@ -117,29 +123,33 @@ Turntable = Annotated[
     typer.Option(
         min=0.001,
         metavar="SECONDS",
-        help="The camera circles what it looks at once in this many seconds.",
-        rich_help_panel="Time",
+        help="The camera circles its target once in this many seconds.",
+        rich_help_panel=SHOT_PANEL,
     ),
 ]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Render frames again whose files exist.", rich_help_panel="Time")]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Render frames again whose files exist.", rich_help_panel=SHOT_PANEL)
+]
 Fps = Annotated[
     float | None,
     typer.Option(
-        metavar="F", help="Frames a second; the file's own, else 24. Twice as many: slow motion.", rich_help_panel="Time"
+        metavar="F", help="Frames a second; the file's own, else 24. Twice as many: slow motion.", rich_help_panel=SHOT_PANEL
     ),
 ]
 Clip = Annotated[
     str | None,
     typer.Option(
         metavar="NAME|N",
-        help="One of a glTF file's animations, by name or number from 0, or `all` at once; by default the first.",
-        rich_help_panel="Time",
+        help="An animation of a glTF file, by name or number from 0, or `all` at once; by default the first.",
+        rich_help_panel=SHOT_PANEL,
     ),
 ]
 Order = Annotated[
-    str | None, typer.Option(metavar="NAME", help=sentences(SHOT["order"]), rich_help_panel="Time", show_default=False)
+    str | None, typer.Option(metavar="NAME", help=sentences(SHOT["order"]), rich_help_panel=SHOT_PANEL, show_default=False)
 ]
-Every = Annotated[int | None, typer.Option(metavar="N", min=2, max=1024, help=sentences(SHOT["every"]), rich_help_panel="Time")]
+Every = Annotated[
+    int | None, typer.Option(metavar="N", min=2, max=1024, help=sentences(SHOT["every"]), rich_help_panel=SHOT_PANEL)
+]
 Server = Annotated[
     str | None,
     typer.Option(metavar="URL", help="The farm's address; by default the one running here. [dim]$RAYFARM_SERVER[/dim]"),

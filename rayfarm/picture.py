@@ -67,15 +67,15 @@ def _parameters() -> list[inspect.Parameter]:
         _composite_option(
             "up-axis",
             f"The axis of an OBJ, PLY, STL or OFF file that is up: {', '.join(UP_AXES)}; by default a guess.",
-            "View",
+            options.FILE_PANEL,
             "AXIS",
         ),
         _composite_option(
             "env",
-            "An equirectangular .exr or .hdr, a linear colour, a clear sky with the sun at ELEVATION[,AZIMUTH] degrees, or by "
-            f"name: {', '.join(PRESETS)}. Replaces the scene's.",
+            "Replaces the scene's environment: by an equirectangular .exr or .hdr, a linear colour R,G,B, a clear sky "
+            f"sky:E,A by the sun's elevation and azimuth in degrees, or a preset: {', '.join(PRESETS)}.",
             "Environment",
-            "FILE|R,G,B|sky:E,A|NAME",
+            "LIGHT",
         ),
         _floor(),
         *map(parameter, ENVIRONMENT_OPTIONS.values()),
@@ -232,8 +232,17 @@ def parse_distortion(given: Any) -> LensDistortion | None:
         raise CommandError(f"--distortion is {given!r}; it takes a model and numbers, such as brown,-0.2,0.05.") from None
 
 
+def _panel_place(each: inspect.Parameter) -> int:
+    """Returns the place of a parameter's panel in the help; -1 for arguments, and for options without a panel."""
+    panels = [option.rich_help_panel for option in getattr(each.annotation, "__metadata__", ())]
+    return options.PANELS.index(panels[0]) if any(panels) else -1
+
+
 def takes_picture(command: Callable[..., Any]) -> Callable[..., None]:
-    """Decorator that replaces a command's parameter `picture` (a Picture) by all picture options."""
+    """Decorator that replaces a command's parameter `picture` (a Picture) by all picture options.
+
+    Orders the parameters by the panels of the help.
+    """
     added = _parameters()
 
     @functools.wraps(command)
@@ -244,7 +253,7 @@ def takes_picture(command: Callable[..., Any]) -> Callable[..., None]:
     own = inspect.signature(command, eval_str=True).parameters.values()
     place = [each.name for each in own].index("picture")
     kept = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in own]
-    taken = [*kept[:place], *added, *kept[place + 1 :]]
+    taken = sorted([*kept[:place], *added, *kept[place + 1 :]], key=_panel_place)
     setattr(run, "__signature__", inspect.Signature(taken))  # noqa: B010
     run.__annotations__ = {each.name: each.annotation for each in taken}
     del run.__wrapped__  # otherwise the signature of `command` would be used

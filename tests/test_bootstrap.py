@@ -94,7 +94,7 @@ def test_benchmark_receives_its_files(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize(("codes", "expected"), (([3], 3), ([0], 0), ([0, 3], 1)))
 def test_benchmark_keeps_its_exit_code(codes: list[int], expected: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`farm.py bench gpu` ends with 3 while steps are left. Of several benchmarks it is known only whether one failed."""
+    """One benchmark's exit code is passed on, as 3 of `gpu` while steps are left; several end with 1 if any of them failed."""
     farm = _farm()
     left = [*codes]
     monkeypatch.setattr(farm, "install", lambda extras: sys.executable)

@@ -78,7 +78,7 @@ def test_command_has_an_option_for_a_new_setting(monkeypatch: pytest.MonkeyPatch
     assert found[0].request([{"name": "c", "view": {}}])["glitter"] == 0.5
     said = " ".join(CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"}).output.split())
     assert "How much the snow sparkles. 0.1 to 2; 0: dull." in said
-    assert "Its shape: star, dot." in said
+    assert "Its shape: star (default), dot." in said
 
 
 def test_api_accepts_a_new_setting() -> None:

@@ -40,9 +40,7 @@ if TYPE_CHECKING:
 
 __all__ = ["print_darkness_note", "register"]
 
-OUTPUT_PANEL = "What is written"
-PART = "A part of it"
-MACHINE_PANEL = "This machine"
+USUAL = (".glb", ".gltf", ".usdz", ".fbx", ".obj", ".blend", ".yaml")
 LINEAR = (".exr", ".hdr")  # not tone mapped
 
 
@@ -53,7 +51,12 @@ def register(app: typer.Typer) -> None:
 
 @takes_picture
 def render(
-    scene: Annotated[Path, typer.Argument(help=f"A scene file ({' '.join(SCENE_SUFFIXES)}), a folder, or a .zip.")],
+    scene: Annotated[
+        Path,
+        typer.Argument(
+            help=f"A scene file ({' '.join(USUAL)}, and {len(SCENE_SUFFIXES) - len(USUAL)} other kinds), a folder, or a .zip."
+        ),
+    ],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -61,7 +64,7 @@ def render(
             "-o",
             help="The picture: .png .jpg (tone mapped) .avif .jxl (HDR) .exr .hdr (scene-linear); of several frames also "
             ".mp4 .webm .webp. By default SCENE.png, of several frames SCENE.####.png.",
-            rich_help_panel=OUTPUT_PANEL,
+            rich_help_panel=options.OUTPUT,
         ),
     ] = None,
     picture: Picture = Picture(),
@@ -77,14 +80,14 @@ def render(
     aov: options.Aov = None,
     denoise: options.Denoise = False,
     exposure: Annotated[
-        float, typer.Option(help="Exposure in stops; not for .exr and .hdr.", rich_help_panel=OUTPUT_PANEL)
+        float, typer.Option(help="Exposure in stops; not for .exr and .hdr.", rich_help_panel=options.OUTPUT)
     ] = 0.0,
     tonemap: Annotated[
         str,
         typer.Option(
             metavar="CURVE",
             help=f"Tone curve; .png and .jpg only: {', '.join(CURVES)}; or a view of an OCIO config, `ocio:VIEW` (rayfarm ocio).",
-            rich_help_panel=OUTPUT_PANEL,
+            rich_help_panel=options.OUTPUT,
         ),
     ] = "neutral",
     ocio: options.Ocio = None,
@@ -93,51 +96,59 @@ def render(
         typer.Option(
             "--gain-map",
             help="Add a gain map to a .jpg (Ultra HDR): HDR displays show brighter highlights, others the same picture.",
-            rich_help_panel=OUTPUT_PANEL,
+            rich_help_panel=options.OUTPUT,
         ),
     ] = False,
     stats: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.json", help="Write times and counts there; `-` for the screen.", rich_help_panel=OUTPUT_PANEL),
+        typer.Option(
+            metavar="FILE.json", help="Write times and counts there; `-` for the screen.", rich_help_panel=options.OUTPUT
+        ),
     ] = None,
     tile: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,W,H", help="Only this rectangle; the rest stays black.", rich_help_panel=PART),
+        typer.Option(metavar="X,Y,W,H", help="Only this rectangle; the rest stays black.", rich_help_panel=options.PART),
     ] = None,
     first: Annotated[
-        int, typer.Option(min=0, help="First sample number, to reproduce a part of a longer render.", rich_help_panel=PART)
+        int,
+        typer.Option(min=0, help="First sample number, to reproduce a part of a longer render.", rich_help_panel=options.PART),
     ] = 0,
     pixel: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y", help="Trace one path of this pixel again and print its vertices; no picture.", rich_help_panel=PART
+            metavar="X,Y",
+            help="Trace one path of this pixel again and print its vertices; no picture.",
+            rich_help_panel=options.PART,
         ),
     ] = None,
     sample: Annotated[
-        int | None, typer.Option(min=0, help="Which of the pixel's samples; by default 0.", rich_help_panel=PART)
+        int | None, typer.Option(min=0, help="Which of the pixel's samples; by default 0.", rich_help_panel=options.PART)
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the path as JSON, for programs.", rich_help_panel=PART)] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the path as JSON, for programs.", rich_help_panel=options.PART)
+    ] = False,
     threads: Annotated[
-        int | None, typer.Option(min=1, help="Threads; by default one per core.", rich_help_panel=MACHINE_PANEL)
+        int | None, typer.Option(min=1, help="Threads; by default one per core.", rich_help_panel=options.MACHINE)
     ] = None,
     gpu: Annotated[
         bool,
         typer.Option(
             "--gpu",
             help=f"Render with the first NVIDIA card instead of the cores, to the same bits; {NOT_YET_TRIED}.",
-            rich_help_panel=MACHINE_PANEL,
+            rich_help_panel=options.MACHINE,
         ),
     ] = False,
     no_bvh: Annotated[
         bool,
         typer.Option(
-            "--no-bvh", help="Test every ray against every triangle: the same picture, slowly.", rich_help_panel=MACHINE_PANEL
+            "--no-bvh", help="Test every ray against every triangle: the same picture, slowly.", rich_help_panel=options.MACHINE
         ),
     ] = False,
 ) -> None:
     """Render a scene to a picture, or a shot to one picture a frame, in this process and on all cores.
 
-    Exits with 1 and a sentence if anything fails. If one frame of a shot fails, the others are still rendered.
+    Options replace what the scene file states; defaults hold where it states nothing. Exits with 1 and a sentence if
+    anything fails. If one frame of a shot fails, the others are still rendered.
 
     [bold]Examples[/bold]
 

@@ -30,8 +30,6 @@ from service.watching.movie import MOVIES
 
 __all__ = ["register"]
 
-QUEUE = "Among other jobs"
-OUTPUT_PANEL = "What is written"
 FORMATS = ("png", "exr", "jpg", "avif", "jxl")
 TEMPLATE_OPTIONS = ("frame", "fps", "clip", "turntable", "variant", "aov", "denoise", "strict", "root")
 
@@ -49,13 +47,16 @@ def submit(
         ),
     ],
     server: options.Server = None,
-    wait: Annotated[bool, typer.Option("--wait", help="Wait for the picture and show progress.")] = False,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait for the picture and show progress.", rich_help_panel=options.OUTPUT)
+    ] = False,
     output: Annotated[
         Path | None,
         typer.Option(
             "--output",
             "-o",
             help="Wait, and write the picture: .png .jpg .avif .jxl or .exr; of several frames also .mp4 .webm or .webp.",
+            rich_help_panel=options.OUTPUT,
         ),
     ] = None,
     picture: Picture = Picture(),
@@ -76,7 +77,7 @@ def submit(
             min=-32,
             max=32,
             help="Exposure in stops, of -o and of the page's view; not of .exr and .hdr.",
-            rich_help_panel=OUTPUT_PANEL,
+            rich_help_panel=options.OUTPUT,
         ),
     ] = 0.0,
     tonemap: Annotated[
@@ -85,28 +86,32 @@ def submit(
             metavar="CURVE",
             help=f"Tone curve, of -o (.png, .jpg, movies) and of the page's view: {', '.join(CURVES)}; or a view of the farm's "
             "OCIO config, `ocio:VIEW`.",
-            rich_help_panel=OUTPUT_PANEL,
+            rich_help_panel=options.OUTPUT,
         ),
     ] = "neutral",
     project: Annotated[
         str,
         typer.Option(
-            metavar="NAME", help="The project to add it to, visible only to the project's members; by default all users see it."
+            metavar="NAME",
+            help="The project to add it to, visible only to the project's members; by default all users see it.",
+            rich_help_panel=options.QUEUE,
         ),
     ] = "",
     strict: options.Strict = False,
     root: options.Root = None,
-    priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.", rich_help_panel=QUEUE)] = 0,
+    priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.", rich_help_panel=options.QUEUE)] = 0,
     after: Annotated[
         list[str] | None,
-        typer.Option(metavar="JOB", help="Start when this job is finished; may be given several times.", rich_help_panel=QUEUE),
+        typer.Option(
+            metavar="JOB", help="Start when this job is finished; may be given several times.", rich_help_panel=options.QUEUE
+        ),
     ] = None,
     deadline: Annotated[
         str | None,
         typer.Option(
             metavar="TIME",
             help="Deadline: a time such as 08:00, or an ISO time such as 2026-05-01T08:00. Warns if the forecast is later.",
-            rich_help_panel=QUEUE,
+            rich_help_panel=options.QUEUE,
         ),
     ] = None,
     need: Annotated[
@@ -114,30 +119,44 @@ def submit(
         typer.Option(
             metavar="NEED",
             help="What its workers must have: a tag, or memory_gb=32; may be given several times.",
-            rich_help_panel=QUEUE,
+            rich_help_panel=options.QUEUE,
         ),
     ] = None,
     max_slots: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="The most slots that may render it at a time.", rich_help_panel=QUEUE)
+        int | None,
+        typer.Option(min=1, metavar="N", help="The most slots that may render it at a time.", rich_help_panel=options.QUEUE),
     ] = None,
     verify: Annotated[
         float | None,
         typer.Option(
-            min=0.0, max=1.0, help="The share of its batches that two workers render, for comparison.", rich_help_panel=QUEUE
+            min=0.0,
+            max=1.0,
+            help="The share of its batches that two workers render, for comparison.",
+            rich_help_panel=options.QUEUE,
         ),
     ] = None,
     fresh: Annotated[
-        bool, typer.Option("--fresh", help="Render all samples, without reusing those of earlier jobs of the same picture.")
+        bool,
+        typer.Option(
+            "--fresh",
+            help="Render all samples, without reusing those of earlier jobs of the same picture.",
+            rich_help_panel=options.QUEUE,
+        ),
     ] = False,
     param: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="A parameter of a job template; may be given several times."),
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="A parameter of a job template; may be given several times.",
+            rich_help_panel=options.FILE_PANEL,
+        ),
     ] = None,
 ) -> str | None:
     """Upload a scene to a farm and submit a job that renders it.
 
     Prints the job's id. Without --wait it returns at once; Ctrl-C while waiting leaves the job running. Checks first whether
-    the picture can be written. Exits with 1 and a sentence if anything fails, with 130 on Ctrl-C.
+    the picture can be written. Options replace what the scene file states; defaults hold where it states nothing. Exits with 1
+    and a sentence if anything fails, with 130 on Ctrl-C.
 
     [bold]Examples[/bold]
 

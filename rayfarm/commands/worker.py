@@ -79,6 +79,7 @@ def worker(
             min=0,
             metavar="MINUTES",
             help="Accept work only after this machine has been unused for this long.",
+            show_default=False,
             rich_help_panel=NIGHT,
         ),
     ] = 0.0,
@@ -89,7 +90,10 @@ def worker(
         ),
     ] = None,
     memory: Annotated[
-        float, typer.Option(min=0, metavar="GB", help="Memory that it may use; by default all.", rich_help_panel=NIGHT)
+        float,
+        typer.Option(
+            min=0, metavar="GB", help="Memory that it may use; by default all.", show_default=False, rich_help_panel=NIGHT
+        ),
     ] = 0.0,
     site: Annotated[
         str,

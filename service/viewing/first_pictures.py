@@ -10,23 +10,23 @@ from service.viewing.session import ViewSession
 
 __all__ = ["FirstPictures"]
 
-MOST_S = 10.0  # of precedence in a row; then it ends for as long as it lasted, or alternates with the usual order
-MOST_STEP_S = 0.5  # that the time between two calls counts: the scheduler rests without sessions
+MOST_S = 10.0  # seconds of precedence that can be used up; they are regained in as many seconds without it
+MOST_STEP_S = 0.5  # seconds that a call uses up at most: the scheduler makes no calls while there are no sessions
 
 
 class FirstPictures:
     """Decides for which worker kinds sessions that await their first picture precede the others.
 
-    Pages that are opened or reloaded again and again have the precedence in half of the time, so that other views go on.
+    Pages that are opened or reloaded again and again precede in half of the time, so that other views go on.
     """
 
     def __init__(self) -> None:
-        self._spent: defaultdict[str, float] = defaultdict(float)  # seconds of precedence, less those without, by kind
+        self._spent: defaultdict[str, float] = defaultdict(float)  # used seconds of precedence, by worker kind
         self._kinds: set[str] = set()
         self._at = time.monotonic()
 
     def preceding_kinds(self, sessions: Iterable[ViewSession]) -> set[str]:
-        """Returns the worker kinds that render only sessions that await their first picture now."""
+        """Returns the worker kinds that now render only sessions that await their first picture."""
         now = time.monotonic()
         elapsed, self._at = now - self._at, now
         awaited = {each.kind for each in sessions if each.awaits_first_picture}

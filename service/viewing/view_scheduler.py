@@ -67,7 +67,7 @@ DRAFT_SEND_TIMEOUT_S = 0.3  # for which a view waits for a card that has room fo
 LOST_AFTER_S = 3.0  # without a report of the message by any slot
 WAIT_STATED_S = 2.0  # after which a view that no slot has begun says that it waits
 FAILURES_ALLOWED = 3
-AFTER_JOB_S = 10.0  # for which the last picture of a view that was left waits while batches are out
+AFTER_JOB_S = 10.0  # seconds after a page was left in which its last picture waits while batches are rendered
 
 ALPHA = range(alpha_plane(0), alpha_plane(0) + ALPHA_PLANES)  # planes that only a transparent background has
 PLAIN = [*range(CHANNELS)[COLOR], SAMPLES, *ALPHA]  # planes of sums that a view uses
@@ -165,9 +165,9 @@ class ViewScheduler:
         self._queue_order(set_paused)
 
     def end_sampling(self, session: ViewSession, min_samples: float) -> None:
-        """Renders no more samples of a session's view, whose page was left. Those that it has are denoised once more.
+        """Ends the sampling of a session whose page was left. The samples that it has are denoised once more.
 
-        They are not if a picture of at least `min_samples` samples per pixel is being denoised already.
+        This is omitted if a picture of at least `min_samples` samples per pixel is being denoised already.
         """
 
         def end_sampling() -> None:
@@ -334,7 +334,7 @@ class ViewScheduler:
             self._send(out, ViewParts(*about, settings, parts, **more))
 
     def _awaits_job(self, session: ViewSession) -> bool:
-        """Returns True if a view was left just now while batches are out: perhaps those of a job that was started from it."""
+        """Returns True if a page was left just now while batches are rendered, perhaps of a job that was started from it."""
         return time.monotonic() - session.left_at < AFTER_JOB_S and self._board.latest.batches_out > 0
 
     def _next_pieces(self, session: ViewSession) -> tuple[list[Piece], str]:

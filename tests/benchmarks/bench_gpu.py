@@ -82,7 +82,7 @@ LIVE, QUICK_LIVE, LIVE_SPP, LIVE_SIDE = (1920, 1080), (96, 54), 4, 256
 UNFINISHED = 3  # exit code
 MISSING = 4  # exit code of a process that lacks a library
 ITEM_LIMIT_S = 110.0  # of a step in a process of its own, so that a command of 8 minutes ends before ten
-JOB_MEMORY = 1 << 30  # bytes that building a kernel takes, and about those of a card on which a process loads one
+JOB_MEMORY = 1 << 30  # bytes that a process needs to build a kernel; loading one takes about as many of a card
 DRIVER_CACHE = 4 << 30  # bytes for the kernels that the driver has translated
 FEATURES: dict[str, dict[str, Any]] = {
     "by wavelength": {"spectral": "on"},
@@ -249,7 +249,7 @@ def _names(options: argparse.Namespace) -> list[str]:
 
 
 def _build(kernels: Sequence[str], deadline: float) -> bool:
-    """Builds the kernels that are missing, for cards and for the CPU; returns False if the time is over before all are there."""
+    """Builds the kernels that are missing, for cards and for the CPU; returns False if the time is over before all are built."""
     jobs = [f"{where}:{name}" for where in ("card", "cores") for name in kernels if not _is_built(where, name)]
     return _run_jobs(jobs, deadline)
 

@@ -276,7 +276,7 @@ def test_scene_is_seen_from_the_largest_mirrors(node: Node) -> None:
 
 
 def test_mirror_is_not_drawn_into_what_it_shows(node: Node) -> None:
-    """Balls and what shines have no place in the cube of the rest; balls are drawn twice, so that mirrors show each other."""
+    """The cube of other mirrors leaves out balls and emissive surfaces; balls are drawn twice, since mirrors show each other."""
     body = """
         const mirrors = new m.MeshMirrors(new Proxy({}, { get: () => () => ({}) }));
         const surfaces = a.radii.map((radius, first) => ({

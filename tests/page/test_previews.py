@@ -56,7 +56,7 @@ def test_film_is_shown_with_its_noise_if_no_denoised_picture_comes(node: Node) -
     assert is_due(2500, clean="data:,", worth=4) is False, "noise is worse than the preview mesh"
     assert is_due(6000, clean="data:,", worth=4) is True
     assert is_due(6000, clean="data:,", worth=16) is False, "a clear picture of the same view is better"
-    assert is_due(13_000, clean="data:,", worth=16) is True, "but the picture is to be seen growing"
+    assert is_due(13_000, clean="data:,", worth=16) is True, "after 12 s the picture is shown as it grows"
     assert is_due(13_000, look=64, worth=16, again=True) is False
     assert is_due(2500) is False, "the poster is of the same picture"
     assert is_due(6000) is True

@@ -32,5 +32,5 @@ def test_page_frames_the_same_points_as_the_renderer(node: Node, parts: list[Mes
 
 
 def test_page_frames_scenes_of_many_objects(node: Node) -> None:
-    """More objects than a function can have arguments."""
+    """The page frames scenes of more objects than a function can have arguments."""
     assert node.call("mesh/standing", MANY, 300_000) == [-1, 0, -1, 1, 1, 1]

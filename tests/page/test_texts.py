@@ -86,15 +86,15 @@ EXPECTED = """
 @pytest.mark.parametrize(
     ("given", "times"),
     [
-        # The first measurement stays for a visit: that of the view, or of the scene's pictures.
+        # The first measurement, of the view or of the scene's pictures, holds until the page is left.
         ({"series": [[None, None], [1e-6, None], [9e-6, None], [9e-6, {"sample_s": 9e-6}]]}, ["", *["15 to 30 s"] * 3]),
         ({"series": [[9e-6, {"sample_s": 1e-6}], [9e-6, {"sample_s": 5e-6}]]}, ["20 s", "20 s"]),
-        # As long as a job took beyond its batches; the last denoised picture counts, of the scene or else as of others.
+        # `pace` scales the time of the batches; the last denoised picture adds that of the scene's, or else of others'.
         ({"series": [[None, {"sample_s": 1e-6, "pace": 2}]]}, ["30 s"]),
         ({"series": [[None, {"sample_s": 1e-6, "pace": 1, "denoise_s": 3e-5}]], "denoised": True}, ["30 s"]),
         ({"series": [[None, {"sample_s": 1e-6, "pace": 1, "denoise_s": 3e-5}]]}, ["15 s"]),
         ({"series": [[None, {"sample_s": 1e-7, "pace": 1}]], "denoised": True}, ["7 s"]),
-        (  # one machine denoises it
+        (  # more machines do not denoise faster, since one denoises it
             {"series": [[None, {"sample_s": 1e-7, "pace": 1}]], "denoised": True, "workers": [{"slots": 2}] * 8},
             ["7 s"],
         ),

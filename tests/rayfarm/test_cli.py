@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 from PIL import Image
 
-from rayfarm import cli
+from rayfarm import cli, options
 from renderer import __version__
 from renderer.denoise import is_available
 from renderer.errors import RayfarmError
@@ -36,7 +37,8 @@ def read(path: Path) -> tuple[np.ndarray, list[str]]:
 def test_help_is_well_formatted() -> None:
     """Help texts are well formatted.
 
-    Paragraphs fill the line, examples are indented, flags have no value, and no placeholder is a Python type.
+    Paragraphs fill the line, examples are indented, flags have no value, no placeholder is a Python type, and the panels of
+    options are in order.
     """
     watch = rayfarm("watch", "--help").stdout
     assert "In a pipe it prints lines until the job ends." in " ".join(watch.split())
@@ -45,6 +47,8 @@ def test_help_is_well_formatted() -> None:
     submit = rayfarm("submit", "--help").stdout
     assert "SCENE" in submit
     assert not [word for word in ("<bool>", "<int", "<float", "<path>") if word in submit]
+    panels = [panel for panel in options.PANELS if panel not in (options.PART, options.MACHINE)]  # render alone has these
+    assert re.findall(r"╭─ (.+?) ─", submit) == ["Arguments", "Options", *panels]
 
 
 def test_version_is_printed() -> None:

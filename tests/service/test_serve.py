@@ -117,7 +117,7 @@ def test_successful_probes_are_not_logged(path: str, status: int, kept: bool, mo
 
 
 def test_accepted_websockets_are_not_logged(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
-    """A page opens a WebSocket for each view, whose lines would hide the others. Refused ones are logged."""
+    """Lines about accepted and closed WebSockets, several for each page, would hide the others. Refused ones are logged."""
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
         await receive()

@@ -19,16 +19,17 @@ __all__ = ["DenoisedPreviews"]
 
 SHARE = 1 / 20  # of the time of the slots that can denoise, at most, for previews that are renewed
 ROUGH_SHARE = 1 / 3  # the same for rough ones
-MOST_SECONDS = 60.0  # that a preview counts, whatever its worker reports
+MOST_SECONDS = 60.0  # limit of the duration that a worker reports for a preview
 
 
 class DenoisedPreviews(Denoising):
     """Denoised previews, renewed as samples come.
 
     A frame's first preview is made at once; it is renewed when its samples have grown by PREVIEW_GROWTH, a rough one by
-    ROUGH_PREVIEW_GROWTH, since users watch the first minute of a picture. Rough is a preview of fewer than ROUGH_PREVIEW_SAMPLES
-    samples per pixel. All renewals together take at most a twentieth of the time of the slots that can denoise, those of rough
-    ones at most a third. A rough one is renewed without this limit once its frame has UNRESTED_PREVIEW_GROWTH times the samples.
+    ROUGH_PREVIEW_GROWTH, since users watch the first minute of a picture. A preview of fewer than
+    ROUGH_PREVIEW_SAMPLES samples per pixel is rough. All renewals together take at most a twentieth of the time of the slots that
+    can denoise, those of rough ones at most a third. A rough one is renewed without this limit once its frame has
+    UNRESTED_PREVIEW_GROWTH times the samples.
     """
 
     _rests_until = 0.0

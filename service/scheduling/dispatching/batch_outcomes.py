@@ -54,7 +54,7 @@ class BatchOutcomes:
         bulkheads: Bulkheads,
         pace: BatchSizing,
     ) -> None:
-        """Stores the parameters. jobs, leases, shares: the scheduler's, which change later."""
+        """Stores the parameters. jobs, leases, shares: shared with the scheduler, which changes them."""
         self._jobs = jobs
         self._leases = leases
         self._shares = shares
@@ -221,7 +221,7 @@ class BatchOutcomes:
                 taken = self._dispatcher.withdraw(queue, {lease.message for lease in mine})
                 mine += [lease for lease in self._leases.leases_of(job.id) if lease.message in taken and lease not in mine]
                 if kept := {lease.message for lease in mine if lease.queue == queue and lease.message_s} - taken:
-                    for lease in self._leases.leases_of(job.id):  # of other frames, too
+                    for lease in self._leases.leases_of(job.id):  # recalled messages may have batches of other frames
                         lease.is_recalled = lease.is_recalled or lease.message in kept
                     self._dispatcher.recall(kept)
             except redis.RedisError as error:

@@ -12,10 +12,10 @@ from service.scheduling.jobs.active_job import ActiveJob
 __all__ = ["Measured", "measured", "updated", "with_denoising"]
 
 LEAST_S = 0.05  # slot-seconds, at least, for a usable measurement
-LEAST_ACTIVE_S = 3.0  # of a job whose duration is compared with that of its batches; a shorter one mostly starts
+LEAST_ACTIVE_S = 3.0  # minimum duration of a job whose pace is measured; shorter ones spend most of it on starting
 BEGIN_S = 0.5  # seconds until the first batch, or until a worker denoises a picture, whatever its size
-MOST_PACE = 3.0  # beyond that, slots rendered something else
-LEAST_DENOISED = 100_000  # pixels of a picture whose denoising is measured; that of a smaller one mostly starts
+MOST_PACE = 3.0  # beyond that, the slots have rendered other work in between
+LEAST_DENOISED = 100_000  # minimum pixels of a picture whose denoising is measured; smaller ones mostly measure the start
 SLOWER_WEIGHT = 1 / 3  # of a slower measurement, in the logarithm
 TILES = 32  # evenly spaced tiles of a frame used for its noise
 

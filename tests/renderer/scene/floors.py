@@ -39,22 +39,22 @@ def terrain() -> Mesh:
 FRAMED_WITHOUT_FLOOR: list[list[Mesh]] = [
     [FLOOR, BOX],
     [FLOOR, cuboid((-3, 0, -0.7), (-1.6, 1.4, 0.7)), cuboid((1.7, 0, -0.7), (3.1, 1.4, 0.7))],
-    [FLOOR, cuboid((-0.5, -0.04, -0.5), (0.5, 1, 0.5))],  # which sinks into it
+    [FLOOR, cuboid((-0.5, -0.04, -0.5), (0.5, 1, 0.5))],  # a box that sinks into the floor
     [FLOOR, BOX, cuboid((-0.4, 0.5, -0.4), (0.4, 0.505, 0.4))],  # a flat thing above the floor
     [cuboid((-4, -0.05, -4), (0, 0, 4)), cuboid((0, -0.05, -4), (4, 0, 4)), BOX],  # a floor of two parts
 ]
 FRAMED_WHOLE: list[list[Mesh]] = [
     [],
-    [FLOOR],  # nothing else
+    [FLOOR],  # a floor alone
     [BOX],
     [terrain()],
     [terrain(), cuboid((1, 0.1, 1), (1.5, 1, 1.5))],  # ground that is not flat
-    [FLOOR, BOX, cuboid((-4, 0, -4), (4, 3, -3.9))],  # with a wall
-    [FLOOR, cuboid((-3.5, 0, -3.5), (3.5, 1, 3.5))],  # hardly wider
+    [FLOOR, BOX, cuboid((-4, 0, -4), (4, 3, -3.9))],  # a floor with a wall
+    [FLOOR, cuboid((-3.5, 0, -3.5), (3.5, 1, 3.5))],  # a floor hardly wider than the box on it
     [
         cuboid((-4, 2, -4), (4, 2.05, 4)),
         *(cuboid((x, 0, z), (x + 0.2, 2, z + 0.2)) for x in (-2, 2) for z in (-2, 2)),
     ],  # a table
-    [FLOOR, cuboid((-0.5, -3, -0.5), (0.5, 1, 0.5))],  # which passes through
+    [FLOOR, cuboid((-0.5, -3, -0.5), (0.5, 1, 0.5))],  # a box that passes through the floor
     [FLOOR, cuboid((-0.5, 0, -0.5), (0.5, 12, 0.5))],  # a tower, higher than the floor is wide
 ]

@@ -1,4 +1,4 @@
-"""Tests of the default camera of scenes with a wide, flat floor: it frames what stands on it, and nothing else is cut."""
+"""Tests of the default camera of scenes with a wide, flat floor: it frames what stands on the floor, and cuts nothing else."""
 
 from __future__ import annotations
 

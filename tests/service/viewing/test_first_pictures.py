@@ -20,7 +20,7 @@ def test_pages_that_are_opened_again_and_again_leave_half_of_the_time(monkeypatc
     other: Any = SimpleNamespace(kind="b", awaits_first_picture=False)
 
     def share(seconds: int) -> float:
-        """Returns the part of the time in which the page precedes."""
+        """Returns the share of the time in which the new page precedes other views."""
         found = []
         for _ in range(10 * seconds):
             now[0] += 0.1
@@ -34,4 +34,4 @@ def test_pages_that_are_opened_again_and_again_leave_half_of_the_time(monkeypatc
     now[0] += MOST_S
     assert first.preceding_kinds([shown]) == set()
     now[0] += MOST_S
-    assert share(5) == 1.0, "all is as before after a rest"
+    assert share(5) == 1.0, "a rest restores the precedence"

@@ -341,7 +341,7 @@ def test_idle_farm_compiles_no_kernel_for_a_poster(service: Service, monkeypatch
 
 
 def test_posters_wait_while_clients_wait_for_pictures() -> None:
-    """The samples of a poster would go before the last denoised picture of a job, whose user looks at it."""
+    """Samples of a poster would delay the last denoised picture of a job, for which its user waits."""
     report: Any = SimpleNamespace(views=True)
     roster: Any = SimpleNamespace(ready_reports=lambda: [report])
     board: Any = SimpleNamespace(latest=Snapshot(fault=None, roster=roster))

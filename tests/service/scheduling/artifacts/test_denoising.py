@@ -80,7 +80,7 @@ def test_denoised_picture_is_made_by_worker_and_raw_one_is_unchanged(service: Se
 
 @pytest.mark.long
 def test_last_picture_goes_before_previews(service: Service, worker: PeerWorker) -> None:
-    """A preview that has not begun is not made any more once the picture itself is requested, and its clients receive that."""
+    """A request for the picture itself drops a preview that has not begun; clients of the preview receive the picture."""
     busy, job = finished(service), finished(service)
     begun, go = threading.Event(), threading.Event()
     worker.on_denoise = lambda _: (begun.set(), go.wait(20), None)[-1]
@@ -304,7 +304,7 @@ def test_time_of_a_denoised_picture_is_that_of_all_samples() -> None:
 
 
 def test_request_waits_for_the_next_preview() -> None:
-    """Otherwise the page would receive the previous one, and request the next too late."""
+    """A page would otherwise receive the previous preview, and request the next one too late."""
     rests = [0.05, previews.MOST_SECONDS]
     waited: list[float] = []
     done: Future[ArtifactResult] = Future()
@@ -472,7 +472,7 @@ def test_frame_of_a_shot_is_denoised_with_its_neighbours(service: Service, worke
 
 
 def test_previews_leave_a_slot_that_the_picture_of_another_job_may_take(tmp_path: Path) -> None:
-    """Otherwise two clients would occupy both slots of a machine, and live views would stand still."""
+    """Two clients would otherwise occupy both slots of a machine, and live views would stop."""
     ready, sent = ["k"], list[tuple[str, bool]]()
     report: Any = SimpleNamespace(denoises=True, slots=2, kind="k")
     roster = SimpleNamespace(ready_reports=lambda: [report][: len(ready)], denoising_kind=lambda: ready[0] if ready else None)

@@ -58,6 +58,6 @@ def test_pace_is_of_jobs_that_had_the_slots(active_s: float, pace: float | None)
 def test_small_pictures_do_not_tell_how_long_a_large_one_is_denoised() -> None:
     known = {"sample_s": 1.0}
     assert with_denoising(None, 1.0, 1_000_000) is None
-    assert with_denoising(known, 1.0, 64 * 48) == known, "it would be five minutes for a megapixel"
+    assert with_denoising(known, 1.0, 64 * 48) == known, "a picture so small would predict five minutes for a megapixel"
     assert with_denoising(known, 0.3, 200_000) == known
     assert with_denoising(known, 10.5, 1_000_000) == {**known, "denoise_s": pytest.approx(1e-5)}
