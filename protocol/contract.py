@@ -40,11 +40,14 @@ __all__ = [
     "PATH_GUIDE",
     "PREPARE",
     "PREPARE_FRAMES",
+    "PREVIEW_GROWTH",
     "RENDER_BATCH",
     "RENDER_BATCHES",
     "RESULTS",
+    "ROUGH_PREVIEW_GROWTH",
     "ROUGH_PREVIEW_SAMPLES",
     "SAMPLES_HEADER",
+    "UNRESTED_PREVIEW_GROWTH",
     "VECTORS",
     "VERSION_HEADER",
     "WORKER_KEYS",
@@ -352,6 +355,9 @@ class RenderBatch:
 
 VERSION_SEPARATOR = "+"
 ROUGH_PREVIEW_SAMPLES = 64  # samples per pixel below which a preview is rough: renewed often, its guides taken as noisy
+ROUGH_PREVIEW_GROWTH = 1.25  # of the samples after which a rough preview is renewed
+PREVIEW_GROWTH = 2  # the same of other previews
+UNRESTED_PREVIEW_GROWTH = 4  # after which a rough preview is renewed without a rest: at about 1, 4, 16 and 64 samples
 
 
 @dataclass(frozen=True)
@@ -393,7 +399,7 @@ class DenoiseFrame:
     them, one value per pixel. The version in its answer is theirs, joined by VERSION_SEPARATOR. Empty: the frame alone, as by
     workers of earlier releases.
 
-    is_preview: of a frame that is being rendered: in a seventh of the processor time, by one thread, with edges that are less
+    is_preview: of a frame that is being rendered: in a twelfth of the processor time, by one thread, with edges that are less
     sharp; a picture of ROUGH_PREVIEW_SAMPLES samples per pixel or more in a third.
 
     guide: the scene of a frame that is denoised alone and is no preview; the worker replaces the albedo by that behind mirrors

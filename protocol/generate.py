@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from protocol import coarse, layout, live, mesh, pictures, view_table, viewport, websocket
+from protocol import coarse, contract, layout, live, mesh, pictures, view_table, viewport, websocket
 from protocol.layout import Layout
 from renderer import sentences
 from renderer.image import rgbe9995
@@ -65,7 +65,12 @@ def _page() -> str:
         f"/** Likewise a tile with alpha. */\nexport const ALPHA = {pictures.ALPHA};\n\n"
         f"/** The kind of a draft's packet, its second byte. */\nexport const DRAFT_KIND = {pictures.DRAFT.kind};\n\n"
         "/** Codes with which the service closes a WebSocket: what it is about is not there, or was deleted. */\n"
-        f"export const NOT_FOUND = {websocket.NOT_FOUND};\nexport const GONE = {websocket.GONE};\n"
+        f"export const NOT_FOUND = {websocket.NOT_FOUND};\nexport const GONE = {websocket.GONE};\n\n"
+        "/** Growth of samples that renews a preview: below so many per pixel, above, and without a rest. */\n"
+        f"export const ROUGH_PREVIEW_SAMPLES = {contract.ROUGH_PREVIEW_SAMPLES};\n"
+        f"export const ROUGH_PREVIEW_GROWTH = {contract.ROUGH_PREVIEW_GROWTH};\n"
+        f"export const PREVIEW_GROWTH = {contract.PREVIEW_GROWTH};\n"
+        f"export const UNRESTED_PREVIEW_GROWTH = {contract.UNRESTED_PREVIEW_GROWTH};\n"
     )
     return "\n".join([f"/** Heads of the farm's packets. {NOTE} */\n\n{CHECK}", constants, *map(_decoder, LAYOUTS)])
 

@@ -159,6 +159,7 @@ class Job(ShownInNotebooks):
     started: float | None = None
     finished: float | None = None
     active_s: float = 0.0
+    elapsed_s: float = 0.0  # the same with the denoising of a finished still; 0 from services of earlier releases
     eta_s: float | None = None
     samples_per_s: float = 0.0
     bad_samples: int = 0

@@ -54,14 +54,25 @@ def denoise(color: F32, albedo: F32, normal: F32, threads: int | None = None) ->
     return denoise_with_guides(color, albedo, normal, threads).color
 
 
-def denoise_fast(color: F32, albedo: F32, normal: F32, threads: int | None = None, *, has_clean_guides: bool = False) -> F32:
+def denoise_fast(
+    color: F32,
+    albedo: F32,
+    normal: F32,
+    threads: int | None = None,
+    *,
+    has_clean_guides: bool = False,
+    is_rough: bool = False,
+) -> F32:
     """Returns a denoised image in a sixth of the time of `denoise`: the guides are not denoised first, so edges are less sharp.
 
     has_clean_guides: whether to treat the guides as free of noise, as those of 16 samples per pixel nearly are. The image is then
-    as smooth as that of `denoise`, in a third of its time; guides of fewer samples fray the edges. threads: None for all cores.
-    Raises SettingsError if Open Image Denoise is not installed or fails.
+    as smooth as that of `denoise`, in a third of its time; guides of fewer samples fray the edges. is_rough: at the
+    library's quality `fast`: in half of the time, with an error that is a tenth larger. threads: None for all cores. Raises
+    SettingsError if Open Image Denoise is not installed or fails.
     """
-    return _denoise(color, albedo, normal, threads or 0, guides_first=False, has_clean_guides=has_clean_guides).color
+    return _denoise(
+        color, albedo, normal, threads or 0, guides_first=False, has_clean_guides=has_clean_guides, is_rough=is_rough
+    ).color
 
 
 def denoise_preview(color: F32, albedo: F32, normal: F32) -> F32:
@@ -87,9 +98,16 @@ def denoise_with_guides(color: F32, albedo: F32, normal: F32, threads: int | Non
 
 
 def _denoise(
-    color: F32, albedo: F32, normal: F32, threads: int, *, guides_first: bool, has_clean_guides: bool = False
+    color: F32,
+    albedo: F32,
+    normal: F32,
+    threads: int,
+    *,
+    guides_first: bool,
+    has_clean_guides: bool = False,
+    is_rough: bool = False,
 ) -> DenoisedPicture:
-    filtering = {"guides_first": guides_first, "has_clean_guides": has_clean_guides or guides_first}
+    filtering = {"guides_first": guides_first, "has_clean_guides": has_clean_guides or guides_first, "is_rough": is_rough}
     try:
         import pyoidn
     except (ImportError, OSError) as error:
@@ -124,7 +142,16 @@ def _warn_once(sentence: str) -> None:
 
 
 def _denoise_on(
-    pyoidn: Any, kind: int, color: F32, albedo: F32, normal: F32, threads: int, *, guides_first: bool, has_clean_guides: bool
+    pyoidn: Any,
+    kind: int,
+    color: F32,
+    albedo: F32,
+    normal: F32,
+    threads: int,
+    *,
+    guides_first: bool,
+    has_clean_guides: bool,
+    is_rough: bool,
 ) -> DenoisedPicture:
     """Denoises on a device of a kind, one of the library's. Raises SettingsError if it fails or there is no such device."""
     with contextlib.ExitStack() as ends:
@@ -151,6 +178,8 @@ def _denoise_on(
                     filter.set_image(name, buffer, pyoidn.OIDN_FORMAT_FLOAT3, width, height)
                 for name, value in options.items():
                     filter.set_bool(name, value)
+                if is_rough:
+                    filter.set_int("quality", pyoidn.OIDN_QUALITY_FAST)
                 filter.commit()
                 filter.execute()
             _check(device)

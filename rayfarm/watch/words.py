@@ -32,8 +32,8 @@ def progress_text(job: Job, with_bar: bool = False) -> str:
         parts.append(f"{format_count(job.samples_per_s)} samples/s")
     if job.eta_s is not None and not job.is_over:
         parts.append(f"{_format_estimate(job.eta_s)} left")
-    elif job.active_s:
-        parts.append(f"{_format_duration(job.active_s)}")
+    elif elapsed_s := max(job.active_s, job.elapsed_s):
+        parts.append(f"{_format_duration(elapsed_s)}")
     return " · ".join(parts)
 
 

@@ -22,6 +22,7 @@ from service.events import RowWritten
 from service.farm import Farm
 from service.intake.lighting import scene_id_unknown
 from service.intake.resolve import check_pixel_count, resolve
+from service.jobs.default_name import default_name
 from service.jobs.describe import describe, job_out
 from service.jobs.frame_changes import carry_out_and_describe
 from service.jobs.idempotency import job_with_key, repeated_answer, stored_key
@@ -126,7 +127,7 @@ def _new_job_row(
         scene=request.scene,
         lit=None if rendered == request.scene else rendered,
         light=farm.lighting.name_of(stored_request["environment"]),
-        name=request.name or "",
+        name="",  # until its scene is read
         state="queued",
         priority=request.priority,
         created=time.time(),
@@ -153,8 +154,8 @@ def _store_job(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Fa
         _with_reused_samples(job, keys, request.fresh or bool(request.verify), farm) as begun,
         farm.sessions.begin() as session,
     ):
-        scene = session.get(Scene, request.scene, with_for_update=True)
-        _check_request(job, scene, farm)
+        scene = _check_request(job, session.get(Scene, request.scene, with_for_update=True), farm)
+        job.name = request.name or default_name(scene, session)
         farm.quotas.check_job(visit.caller, session, samples_of(job) * len(keys))
         session.add(job)
         session.flush()
@@ -234,13 +235,16 @@ def _scene_to_render(request: JobIn, stored_request: dict[str, Any], farm: Farm)
     return farm.lighting.row(request.scene, stored_request).id
 
 
-def _check_request(job: Job, scene: Scene | None, farm: Farm) -> None:
-    """Resolves the job's settings if its scene is ready. Raises an error if the request can never be rendered."""
+def _check_request(job: Job, scene: Scene | None, farm: Farm) -> Scene:
+    """Resolves the job's settings if its scene is ready. Returns the scene.
+
+    Raises an error if the request can never be rendered.
+    """
     if scene is None or scene.of is not None:
         raise scene_id_unknown(job.scene)
     if scene.status == "failed":
         raise Conflict(Sentence("scene-not-renderable", "The scene cannot be rendered: {error}", error=scene.error))
-    job.name, job.project = job.name or scene.name, scene.project
+    job.project = scene.project
     try:
         check_pixel_count(job.request["width"] or 0, job.request["height"] or 0, farm.settings.max_pixels)
         if scene.status == "ready":
@@ -248,6 +252,7 @@ def _check_request(job: Job, scene: Scene | None, farm: Farm) -> None:
             _check_variation(job, scene)
     except SettingsError as error:
         raise Invalid(with_full_stop(error), field=error.field) from None
+    return scene
 
 
 def _check_variation(job: Job, scene: Scene) -> None:

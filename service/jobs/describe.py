@@ -119,6 +119,8 @@ def _one_out(
             frame.denoised = engine.has_denoised(job.id, frame_key(frame.number), frame.samples)
             if frame.bad_samples and job.shot is None:
                 frame.bad = bad_samples_of(job, frame, session, engine)
+        if out.denoise and out.state == "finished" and job.shot is None:
+            out.elapsed_s += sum(engine.denoising_s(job.id, frame_key(frame.number), frame.samples) for frame in out.frames)
         return out
     except Exception as error:
         log.warning("job %s cannot be described: %r", job.id, error)
@@ -140,6 +142,7 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
         frames = [] if first is None else [one_frame(job, first[0], latest_frame_numbers(job, known, *first))]
         sums, about = _shot_out(job, shot, of_shot, known)
     size = job.settings or job.request
+    active_s = live.active_s if live else max(job.active_s, known.active_s if known else 0.0)
     return JobOut(
         **dict(zip(_COPIED_COLUMNS, _copied_values(job), strict=True)),
         project=job.project or "",
@@ -151,7 +154,8 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
         expected=live.expected if live else None,
         unforeseen=live.unforeseen if live else None,
         warning=warning_of(job, live.expected if live else None, time.time()),
-        active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
+        active_s=active_s,
+        elapsed_s=active_s,
         progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
         eta_s=live.eta_s
         if live and job.state == "running" and not farm_stall_reason(view.roster)

@@ -150,7 +150,9 @@ class JobIn(QueueOptionsIn):
     """A request to render a picture. Goals: spp, noise or seconds; the job ends when the first of them is reached."""
 
     scene: str = Field(description="id of the scene", max_length=100)
-    name: str | None = Field(None, max_length=200, description="null: the name of the scene")
+    name: str | None = Field(
+        None, max_length=200, description="null: the name of the scene, with a number if it has jobs of that name"
+    )
     camera: str | Annotated[int, Field(ge=0, lt=MOST_CAMERAS)] | None = Field(
         None, description="name or number of a camera of the scene"
     )
@@ -424,6 +426,10 @@ class JobOut(QueueOut):
         description="Unix time of this description; of two descriptions of a job, the one with the larger value is newer",
     )
     active_s: float = Field(description="wall-clock time spent on rendering")
+    elapsed_s: float = Field(
+        description="wall-clock time until the picture is as requested: active_s, and of a finished still with `denoise` "
+        "the time from the request for its denoised picture until that is stored, or until now"
+    )
     progress: float = Field(description="0 to 1")
     eta_s: float | None = Field(description="expected seconds until the end; null: unknown")
     samples: int = Field(description="samples in the film, over all pixels and frames")

@@ -204,6 +204,7 @@ class Engine:
         scene = self._records.store_denoising(event.job, event.seconds, event.pixels)
         if scene is not None:
             self.record_change("scene", scene)
+            self.record_change("job", event.job)  # its elapsed time
 
     def set_paused(self, worker: str, reason: str | None) -> None:
         """Pauses a worker. reason: shown to users; None: resumes the worker. Raises redis.RedisError."""
@@ -283,6 +284,15 @@ class Engine:
     def has_denoised(self, job: str, frame: int, samples: int) -> bool:
         """Returns True if a preview or denoised picture of a frame was made. samples: of the frame. Thread-safe, and quick."""
         return bool(self._denoised_of(job, frame, samples))
+
+    def denoising_s(self, job: str, frame: int, samples: int) -> float:
+        """Returns the seconds that a frame's denoised picture took from its request, or has taken so far; 0 without a picture.
+
+        samples: of the frame; a picture of fewer does not count. Thread-safe, and quick.
+        """
+        denoising = self._artifact_tasks.denoising
+        made = denoising.last_of(job, frame)
+        return made.waited_s if made is not None and made.samples == samples else denoising.waiting_s(job, frame)
 
     def _denoised_of(self, job: str, frame: int, samples: int) -> list[ArtifactResult]:
         """Returns the preview and the denoised picture of a frame, as far as they were made of its film, which has `samples`.

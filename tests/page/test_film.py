@@ -44,6 +44,20 @@ def test_zoom_keeps_pixel_under_cursor(node: Node) -> None:
         assert abs(before - after) <= 0.5 / scale + 1e-9, "the origin is rounded to a whole pixel of the screen, no more"
 
 
+def test_tags_lie_inside_a_fitted_picture(node: Node) -> None:
+    """Once the picture is zoomed, they stay in the corners of the stage, as for pictures side by side."""
+    body = """
+        const view = new m.Viewport();
+        view.setPicture(960, 540);
+        const found = [[2200, 1150], [1080, 740]].map(([w, h]) => (view.resizeCanvas(w, h), view.margins()));
+        view.actualSize();
+        found.push(view.margins());
+        view.across = 2;
+        view.fit();
+        return [...found, view.margins()].map(({ beside, above }) => [beside, above]);"""
+    assert node.call("film/viewport", body) == [[78, 0], [0, 66], [0, 0], [0, 0]]
+
+
 def test_area_statistics_equal_numpy(node: Node) -> None:
     film = rgbe9995.unpack(rgbe9995.pack(sample_radiance()))
     words = rgbe9995.pack(sample_radiance()).ravel().tolist()

@@ -151,6 +151,30 @@ def test_progress_of_a_job_includes_its_last_picture_and_does_not_go_back(node: 
     assert node.call("job/finishing", "return m.wholeProgress(0.25, 10, 0, 0);") == 0.25, "nothing is denoised"
 
 
+def test_elapsed_time_counts_the_last_picture(node: Node) -> None:
+    """It runs on while the job is finishing, and then is the service's; the picture comes before its description."""
+    body = """
+        const elapsed = new m.Elapsed();
+        return a.map(([at, isFinishing, job]) => {
+            if (job) elapsed.update({ state: job[0], active_s: job[1], elapsed_s: job[2] }, at);
+            return elapsed.seconds(isFinishing, at);
+        });"""
+    steps: list[list[object]] = [
+        [0, False, ["running", 12, 12]],
+        [1, False, None],
+        [1.5, True, ["finished", 13, 13]],
+        [5.5, True, None],
+        [8.5, True, None],
+        [9, False, None],  # the picture is there
+        [9.1, False, ["finished", 13, 19.8]],
+        [60, False, None],
+        [61, False, ["running", 13, 13]],  # more samples
+        [63, False, None],
+        [64, False, ["paused", 15, 15]],
+    ]
+    assert node.call("job/elapsed", body, steps) == [12, 13, 13, 17, 20, 20, 19.8, 19.8, 13, 15, 15]
+
+
 def test_job_that_ended_earlier_is_not_finishing(node: Node) -> None:
     cases = [["finished", 1000, 1030], ["finished", 1000, 1100], ["running", None, 1100], ["paused", 1000, 1100]]
     body = "return a.map(([state, finished, now]) => m.endedBefore({ state, finished }, now));"

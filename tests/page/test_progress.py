@@ -24,6 +24,53 @@ def test_outdated_job_description_is_ignored(node: Node) -> None:
     assert node.call("news/farm", body, {"job": JOB, "steps": [[5, 9000], [6, 10]]}) == 6, "the service's clock was set back"
 
 
+def test_new_state_of_a_job_is_news_whichever_connection_brings_it(node: Node) -> None:
+    """Otherwise the number of running jobs stays if the job's own socket, or an answer, is faster than the farm's events."""
+    body = """
+        m.jobs.set([]);
+        const news = [];
+        for (const [put, state] of a.steps) {
+            const before = m.jobNews.value;
+            m[put]({ ...a.job, state });
+            news.push(m.jobNews.value > before);
+        }
+        return news;"""
+    steps = [["adoptJob", "queued"], ["adoptJob", "queued"], ["putJob", "running"], ["putJob", "running"], ["putJob", "finished"]]
+    assert node.call("news/farm", body, {"job": JOB, "steps": steps}) == [True, False, True, False, True]
+
+
+def test_late_answer_does_not_replace_a_newer_number_of_jobs(node: Node) -> None:
+    body = """
+        const { jobNews } = await read("/js/news/farm.js");
+        const real = [globalThis.fetch, globalThis.setTimeout];
+        const answers = [], timers = [];
+        globalThis.fetch = () => new Promise((resolve, reject) => answers.push({ resolve, reject }));
+        globalThis.setTimeout = (run) => timers.push(run);
+        const settle = () => new Promise((resolve) => setImmediate(resolve));
+        const say = (running) => new Response(JSON.stringify({ running }), { status: 200 });
+        const tell = () => (jobNews.update((n) => n + 1), timers.splice(0).forEach((run) => run()));
+        try {
+            m.followTallies();
+            timers.splice(0).forEach((run) => run());
+            tell();
+            answers[1].resolve(say(0));
+            await settle();
+            answers[0].resolve(say(1));
+            await settle();
+            const kept = m.tallies.value.running;
+            tell();
+            answers[2].resolve(new Response("{}", { status: 500 }));
+            await settle();
+            timers.splice(0).forEach((run) => run());
+            answers[3]?.resolve(say(2));
+            await settle();
+            return [kept, m.tallies.value.running];
+        } finally {
+            [globalThis.fetch, globalThis.setTimeout] = real;
+        }"""
+    assert node.call("news/job-list", body) == [0, 2], "and a query that failed is repeated"
+
+
 def test_only_pictures_with_lights_to_mix_have_a_tab_for_them(node: Node) -> None:
     """A picture has the tab if it has light groups, or its scene has lights to group, known from the list of scenes."""
     body = """
@@ -64,7 +111,7 @@ def test_remaining_time_is_smoothed(node: Node) -> None:
 def test_remaining_time_is_rounded(node: Node) -> None:
     body = "return a.map((seconds) => m.rounded(seconds));"
     seconds = [0.4, 3, 43, 75, 104, 130, 1790, 2740, 3 * 3600]
-    assert node.call("news/time-left", body, seconds) == [5, 5, 45, 80, 100, 120, 1800, 2700, 3 * 3600]
+    assert node.call("news/time-left", body, seconds) == [0, 5, 45, 80, 100, 120, 1800, 2700, 3 * 3600]
 
 
 def test_remaining_time_rises_seldom_and_little(node: Node) -> None:
@@ -90,6 +137,7 @@ def test_remaining_time_is_shown_once_it_is_known(node: Node) -> None:
     assert node.call("news/time-left", body, {**JOB, "active_s": 4, "eta_s": 5}) == "", "it ends soon"
     assert node.call("news/time-left", body, {**JOB, "id": "s", "active_s": 4, "eta_s": 7}) == "about 5 s"
     assert node.call("news/time-left", body, {**JOB, "id": "d", "active_s": 4, "eta_s": 5, "denoising": 6}) == "about 10 s"
+    assert node.call("news/time-left", body, {**JOB, "id": "e", "active_s": 20, "eta_s": 2}) == "a few seconds"
     assert node.call("news/time-left", body, {**JOB, "progress": 0.06, "active_s": 25}) == "about 60 s"
     taken = {**JOB, "progress": 0.52, "spp": 64, "taken": {"spp": 32}}
     assert node.call("news/time-left", body, taken) == "", "it has done 4 % itself"

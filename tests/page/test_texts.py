@@ -93,10 +93,10 @@ EXPECTED = """
         ({"series": [[None, {"sample_s": 1e-6, "pace": 2}]]}, ["30 s"]),
         ({"series": [[None, {"sample_s": 1e-6, "pace": 1, "denoise_s": 3e-5}]], "denoised": True}, ["30 s"]),
         ({"series": [[None, {"sample_s": 1e-6, "pace": 1, "denoise_s": 3e-5}]]}, ["15 s"]),
-        ({"series": [[None, {"sample_s": 1e-7, "pace": 1}]], "denoised": True}, ["5 s"]),
+        ({"series": [[None, {"sample_s": 1e-7, "pace": 1}]], "denoised": True}, ["7 s"]),
         (  # more machines do not denoise faster, since one denoises it
             {"series": [[None, {"sample_s": 1e-7, "pace": 1}]], "denoised": True, "workers": [{"slots": 2}] * 8},
-            ["5 s"],
+            ["7 s"],
         ),
         (
             {

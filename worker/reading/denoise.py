@@ -24,17 +24,20 @@ def denoise(
     *,
     is_preview: bool = False,
     has_clean_guides: bool = False,
+    is_rough: bool = False,
     threads: int | None = None,
 ) -> dict[str, Any]:
     """Writes the denoised colour as float32 to the file `result`. Returns an empty answer.
 
     means: path of the file with the frame's mean colour, albedo and normal, float32, each (height, width, 3). is_preview: in a
     third of the time or less, with edges that are less sharp. has_clean_guides: of a preview, whether its albedo and normal are
-    taken as free of noise. threads: None for all cores.
+    taken as free of noise. is_rough: of a preview, whether it takes half of the time, with a larger error. threads: None for all
+    cores.
     """
     color, albedo, normal = np.fromfile(folder_of(means), "<f4").reshape(3, height, width, 3)
     if is_preview:
-        picture = library.denoise_fast(color, albedo, normal, threads, has_clean_guides=has_clean_guides)
+        options = {"has_clean_guides": has_clean_guides, "is_rough": is_rough}
+        picture = library.denoise_fast(color, albedo, normal, threads, **options)
     else:
         picture = library.denoise(color, albedo, normal, threads)
     picture.astype("<f4").tofile(folder_of(result))

@@ -142,6 +142,12 @@ class ArtifactTask(ABC, Generic[Request]):
             wanted = self._wanted.get((job, frame))
             return None if wanted is None else wanted.answer
 
+    def waiting_s(self, job: str, frame: int) -> float:
+        """Returns the seconds since a frame's artifact was requested that is being made; 0 if there is none. Thread-safe."""
+        with self._lock:
+            wanted = self._wanted.get((job, frame))
+            return 0.0 if wanted is None else time.monotonic() - wanted.begun
+
     def supersede(self, job: str, frame: int, better: Future[ArtifactResult]) -> None:
         """Drops the request of a frame's artifact, unless it was sent. Thread-safe.
 
@@ -225,6 +231,7 @@ class ArtifactTask(ABC, Generic[Request]):
             del self._wanted[key]
             self._unfit.remove_owner(_lease_owner(key))
             old = self._made.get(key)
+            result = replace(result, waited_s=time.monotonic() - wanted.begun)
             if is_there:
                 self._made[key] = result
                 self._record_made(result, wanted.request)
@@ -233,7 +240,7 @@ class ArtifactTask(ABC, Generic[Request]):
             return
         self._events.publish(ArtifactStored(result.sha256))
         wanted.answer.set_result(result)
-        self._record_duration(wanted.request, time.monotonic() - wanted.begun)
+        self._record_duration(wanted.request, result.waited_s)
         self._save_made()
         if old is not None and old.sha256 != result.sha256:
             self._delete(old.sha256)

@@ -29,8 +29,10 @@ class KeptArtifacts:
         try:
             rows = json.loads(self._path.read_bytes())
             found = {
-                (str(job), int(frame)): ArtifactResult(str(sha256), str(version), int(samples), float(seconds))
-                for job, frame, sha256, version, samples, seconds in rows
+                (str(job), int(frame)): ArtifactResult(
+                    str(sha256), str(version), int(samples), float(seconds), float(waited[0]) if waited else 0.0
+                )
+                for job, frame, sha256, version, samples, seconds, *waited in rows  # files of earlier releases lack the last
             }
         except FileNotFoundError:
             return {}
@@ -42,7 +44,9 @@ class KeptArtifacts:
     def save(self, made: Mapping[tuple[str, int], ArtifactResult]) -> None:
         """Stores the latest results. Only logs a fault of the disk: the artifacts are made again then."""
         latest = list(made.items())[-MOST:]
-        rows = [[job, frame, each.sha256, each.version, each.samples, each.seconds] for (job, frame), each in latest]
+        rows = [
+            [job, frame, each.sha256, each.version, each.samples, each.seconds, each.waited_s] for (job, frame), each in latest
+        ]
         try:
             write_atomically(self._path, json.dumps(rows).encode())
         except OSError as error:

@@ -5,27 +5,31 @@ from __future__ import annotations
 import time
 from concurrent.futures import Future
 
-from protocol.contract import ROUGH_PREVIEW_SAMPLES, DenoiseFrame
+from protocol.contract import (
+    PREVIEW_GROWTH,
+    ROUGH_PREVIEW_GROWTH,
+    ROUGH_PREVIEW_SAMPLES,
+    UNRESTED_PREVIEW_GROWTH,
+    DenoiseFrame,
+)
 from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
 
 __all__ = ["DenoisedPreviews"]
 
-REST = 19.0  # times the slot-seconds of the last preview until the farm makes another: previews take a twentieth of its time
-EARLY_REST = 2.0  # the same after a rough preview, which thus takes a third of the time
-GROWTH = 2  # factor by which the samples grow until a preview is renewed
-EARLY_GROWTH = 1.25  # the same of a rough preview
-UNRESTED_GROWTH = 4  # growth after which a rough preview is renewed without a rest: at about 1, 4, 16 and 64 samples
+SHARE = 1 / 20  # of the time of the slots that can denoise, at most, for previews that are renewed
+ROUGH_SHARE = 1 / 3  # the same for rough ones
 MOST_SECONDS = 60.0  # limit of the duration that a worker reports for a preview
 
 
 class DenoisedPreviews(Denoising):
     """Denoised previews, renewed as samples come.
 
-    A frame's first preview is made at once; it is renewed when its samples have grown by GROWTH, a rough one by EARLY_GROWTH,
-    since users watch the first minute of a picture. A preview of fewer than ROUGH_PREVIEW_SAMPLES samples per pixel is rough. All
-    renewals together take at most a twentieth of the time of the slots that can denoise, those of rough ones at most a third. A
-    rough one is renewed without this limit once its frame has UNRESTED_GROWTH times the samples.
+    A frame's first preview is made at once; it is renewed when its samples have grown by PREVIEW_GROWTH, a rough one by
+    ROUGH_PREVIEW_GROWTH, since users watch the first minute of a picture. A preview of fewer than
+    ROUGH_PREVIEW_SAMPLES samples per pixel is rough. All renewals together take at most a twentieth of the time of the slots that
+    can denoise, those of rough ones at most a third. A rough one is renewed without this limit once its frame has
+    UNRESTED_PREVIEW_GROWTH times the samples.
     """
 
     _rests_until = 0.0
@@ -57,20 +61,21 @@ class DenoisedPreviews(Denoising):
         return made.samples <= samples and (samples < _due_samples(made, pixels) or rests)
 
     def _rests(self, made: ArtifactResult, samples: int, pixels: int) -> bool:
-        has_grown = _is_early(made, pixels) and samples >= UNRESTED_GROWTH * made.samples
+        has_grown = _is_rough(made, pixels) and samples >= UNRESTED_PREVIEW_GROWTH * made.samples
         return not has_grown and time.monotonic() < self._rests_until
 
     def _record_made(self, result: ArtifactResult, request: DenoiseFrame) -> None:
         slots = sum(report.slots for report in self._able_workers())
         seconds = min(result.seconds, MOST_SECONDS)
-        rest = EARLY_REST if _is_early(result, request.width * request.height) else REST
-        self._rests_until = time.monotonic() + rest * seconds / max(slots, 1)
+        share = ROUGH_SHARE if _is_rough(result, request.width * request.height) else SHARE
+        # It occupied one of the slots: with the rest it takes this share of all.
+        self._rests_until = time.monotonic() + seconds * max(1 / (share * max(slots, 1)) - 1, 0.0)
 
 
-def _is_early(made: ArtifactResult, pixels: int) -> bool:
+def _is_rough(made: ArtifactResult, pixels: int) -> bool:
     return made.samples < ROUGH_PREVIEW_SAMPLES * pixels
 
 
 def _due_samples(made: ArtifactResult, pixels: int) -> float:
     """Returns the number of samples over all pixels with which a preview is renewed."""
-    return made.samples * (EARLY_GROWTH if _is_early(made, pixels) else GROWTH)
+    return made.samples * (ROUGH_PREVIEW_GROWTH if _is_rough(made, pixels) else PREVIEW_GROWTH)

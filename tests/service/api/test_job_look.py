@@ -1,4 +1,4 @@
-"""Tests of a job's default exposure and tone curve: stored and shown, without an effect on samples and the API's pictures."""
+"""Tests of a job's default name and look (exposure, tone curve): stored and shown; the API's pictures do not change."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from service.intake.picture import picture_hash
 from service.store.models import Job
 from tests.helpers import running_redis
-from tests.service.conftest import Service
+from tests.service.conftest import OBJ, Service
 
 LOOK = {"exposure": 0.8, "tonemap": "agx"}
 
@@ -43,6 +43,16 @@ def test_default_look_is_not_stored(service: Service) -> None:
     said = {**request, "exposure": 0.0, "tonemap": "neutral"}
     first, second = (service.http.post("/api/jobs", json=each, headers={"Idempotency-Key": "look"}) for each in (request, said))
     assert first.raise_for_status().json()["id"] == second.raise_for_status().json()["id"]
+
+
+def test_jobs_without_a_name_are_numbered(service: Service) -> None:
+    """Otherwise the jobs of a scene could not be told apart in lists. Names of other jobs are kept."""
+    scene = service.upload(OBJ + b"# one\n")
+    name = service.scene(scene)["name"]
+    wanted = (None, None, f"{name} 7", f"{name} at night", None, name)
+    given = [service.job(service.submit(scene, name=each))["name"] for each in wanted]
+    assert given == [name, f"{name} 2", f"{name} 7", f"{name} at night", f"{name} 8", name]
+    assert service.job(service.submit(service.upload(OBJ + b"# another\n")))["name"] == name, "of another scene"
 
 
 @pytest.mark.parametrize("look", [{"exposure": 33}, {"exposure": "bright"}, {"tonemap": "sepia"}, {"tonemap": "ocio:None/None"}])

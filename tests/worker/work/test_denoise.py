@@ -17,7 +17,7 @@ from worker.work import denoise
 @pytest.mark.parametrize(
     ("lights", "samples", "is_clean"),
     [
-        ((), ROUGH_PREVIEW_SAMPLES - 1, False),  # in half of the time, so that it is renewed more often
+        ((), ROUGH_PREVIEW_SAMPLES - 1, False),  # in a quarter of the time, so that it is renewed more often
         ((), ROUGH_PREVIEW_SAMPLES, True),
         (("lamp", "rest"), CLEAN_GUIDE_SAMPLES - 1, False),
         (("lamp", "rest"), CLEAN_GUIDE_SAMPLES, True),  # the picture that a mix shows in the end
@@ -35,3 +35,4 @@ def test_guides_of_a_preview_are_clean_from_a_number_of_samples_on(
     made = denoise.denoise_frame(worker, DenoiseFrame("w", "j", 0, 4, 3, is_preview=True, lights=lights))
     assert (made["sha256"], made["samples"]) == (stored.sha256, samples * 12)
     assert [(job.keywords["has_clean_guides"], job.keywords["threads"]) for job in jobs] == [(is_clean, 1)]
+    assert [job.keywords.get("is_rough", False) for job in jobs] == [not (is_clean or lights)]

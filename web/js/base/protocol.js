@@ -22,6 +22,12 @@ export const DRAFT_KIND = 6;
 export const NOT_FOUND = 4404;
 export const GONE = 4410;
 
+/** Growth of samples that renews a preview: below so many per pixel, above, and without a rest. */
+export const ROUGH_PREVIEW_SAMPLES = 64;
+export const ROUGH_PREVIEW_GROWTH = 1.25;
+export const PREVIEW_GROWTH = 2;
+export const UNRESTED_PREVIEW_GROWTH = 4;
+
 /**
  * The head of a live tile. w * h RGB9E5 words follow, rows from the top.
  *

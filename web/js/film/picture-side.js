@@ -9,6 +9,7 @@ import { AlphaPlane } from "./alpha-plane.js";
 import { DENOISED, DENOISED_MIX, MIX, channelOfLight, lightGroupOf } from "./channels.js";
 import { Film } from "./film.js";
 import { gainsOf, mixWords } from "./light-mix.js";
+import { PREVIEW_GROWTH, ROUGH_PREVIEW_GROWTH, ROUGH_PREVIEW_SAMPLES, UNRESTED_PREVIEW_GROWTH } from "../base/protocol.js";
 import { Store } from "../base/store.js";
 
 /**
@@ -33,8 +34,6 @@ const LEAST_SPP = 4;
 const [SOON_MS, AT_LAST_MS] = [1000, 8000];
 /** Time, in milliseconds, after which the noise is shown if no denoised picture has come: in place of a picture of another camera or light, of a rough one, and of a clear one. */
 const [STALE_MS, NOISE_AFTER_MS, NOISE_AT_LAST_MS] = [2000, 5000, 12_000];
-/** Growth of the samples with which the service renews a preview: of fewer than EARLY_SPP samples per pixel, and of more (service/scheduling/artifacts/previews.py). */
-const [EARLY_GROWTH, GROWTH, EARLY_SPP] = [1.25, 2, 64];
 
 /**
  * @typedef {object} SideState
@@ -83,7 +82,7 @@ export class PictureSide {
     this.isPreview = false;
     /** When the next preview may be asked for. */
     this.previewAt = 0;
-    /** Samples of the film from which it is requested earlier, since the service renews previews of few samples without a rest (service/scheduling/artifacts/previews.py). */
+    /** Samples of the film from which it is requested earlier, since the service then renews rough previews without a rest. */
     this.previewFrom = Infinity;
     /** When every tile first had samples. @type {number | undefined} */
     this.coveredAt = undefined;
@@ -141,7 +140,7 @@ export class PictureSide {
     const { film, look, worth = 0, isAgain, isRendering } = this.live;
     const isSoon = performance.now() < this.previewAt && film.total < this.previewFrom;
     if (channel !== DENOISED || !isRendering || waiting || document.hidden || isSoon) return false;
-    if (this.madeOf !== Infinity) return film.total >= this.madeOf * (this.madeOf < EARLY_SPP * film.width * film.height ? EARLY_GROWTH : GROWTH);
+    if (this.madeOf !== Infinity) return film.total >= this.madeOf * (this.madeOf < ROUGH_PREVIEW_SAMPLES * film.width * film.height ? ROUGH_PREVIEW_GROWTH : PREVIEW_GROWTH);
     const { least, waited } = this.coverage();
     if (least === 0) return false;
     if (isAgain && look) return film.total >= look.total;
@@ -343,7 +342,7 @@ export class PictureSide {
           this.isPreview = isPreview;
           const isUnchanged = samples === this.madeOf; // the farm made no other yet
           this.previewAt = performance.now() + (isUnchanged ? EVERY_MS : 0);
-          this.previewFrom = isUnchanged && this.live.film.total < 4 * samples ? 4 * samples : Infinity;
+          this.previewFrom = isUnchanged && this.live.film.total < UNRESTED_PREVIEW_GROWTH * samples ? UNRESTED_PREVIEW_GROWTH * samples : Infinity;
           this.madeOf = samples;
           this.fetched = new Film(width, height, words);
           this.layer.setFilm(this.fetched, { fades: channel === DENOISED });

@@ -82,6 +82,9 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
     const remember = rememberPlace(view.viewport, life);
     moved = () => {
       zoom.show(view.viewport.scale);
+      const { beside, above } = view.viewport.margins();
+      element.style.setProperty("--beside", `${beside / devicePixelRatio}px`);
+      element.style.setProperty("--above", `${above / devicePixelRatio}px`);
       remember();
     };
     pointed = (at, byKeys) => {

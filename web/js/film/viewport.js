@@ -60,6 +60,12 @@ export class Viewport {
     this.fitted = true;
   }
 
+  /** Returns what the canvas shows beside a fitted picture and above it, in device pixels; 0 for another place, and for pictures side by side. */
+  margins() {
+    const isOne = this.fitted && this.across === 1;
+    return { beside: isOne ? Math.max(this.x, 0) : 0, above: isOne ? Math.max(this.y, 0) : 0 };
+  }
+
   /** Sets one picture pixel per device pixel, around the canvas' centre. */
   actualSize() {
     this.zoomTo(1, this.canvas.width / 2, this.canvas.height / 2);

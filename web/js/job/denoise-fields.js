@@ -34,7 +34,6 @@ export function denoiseFields(display, renew) {
     setText(why, reason);
     why.hidden = reason === "";
   });
-  const made = h("p", { class: "quiet small", hidden: true });
   const said = h("p", { class: "small", role: "status", hidden: true });
   const again = h(
     "button",
@@ -42,13 +41,12 @@ export function denoiseFields(display, renew) {
     icon("refresh"),
     t("Denoise again"),
   );
-  const element = h("div", { class: "stack tight", hidden: true }, choice.element, why, made, said, again);
+  const element = h("div", { class: "stack tight", hidden: true }, choice.element, why, said, again);
   return {
     element,
     update(state) {
       const { error, waiting = false, stale = false, isPreview = false, spp = 0 } = state ?? {};
-      made.hidden = spp === 0 || Boolean(error);
-      if (spp) setText(made, tn(spp, "Made of the first {n} sample", "Made of the first {n} samples", { n: count(spp) }));
+      setText(choice.aside, spp === 0 || error ? "" : tn(spp, "Made of the first {n} sample", "Made of the first {n} samples", { n: count(spp) }));
       const sentence = waiting
         ? ""
         : error

@@ -6,11 +6,12 @@ import { putJob } from "../news/farm.js";
 import { mayChange, readOnlyReason } from "../news/projects.js";
 import { clock, compact, count, roughly } from "../base/format.js";
 import { command } from "../shell/hints.js";
+import { Elapsed } from "./elapsed.js";
 import { go, here, linkTo } from "../shell/router.js";
 import { icon } from "../base/icons.js";
 import { endOf, settingOf, valueText } from "../news/settings-table.js";
 import { framesDone, isShot } from "../base/shot-words.js";
-import { leftText, timeLeft } from "../news/time-left.js";
+import { leftText, rounded, timeLeft } from "../news/time-left.js";
 import { showError, undoable } from "../shell/tray.js";
 import { saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
@@ -84,19 +85,15 @@ export function progressPanel(finishing) {
   let shownTaken = "";
   /** @type {Job | null} */
   let latest = null;
-  let heard = 0;
-  let shownElapsed = 0;
+  const time = new Elapsed();
   /** @type {string | null} */
   let shownError = null;
   let shownBad = 0;
   const tick = () => {
     if (!latest) return;
-    const since = latest.state === "running" ? (performance.now() - heard) / 1000 : 0;
-    // The time of a description is up to half a second old when it arrives: the clock does not go back for it.
-    shownElapsed = latest.state === "running" ? Math.max(shownElapsed, latest.active_s + since) : latest.active_s;
-    setText(elapsed, clock(shownElapsed));
     const last = latest.state === "finished" ? finishing() : null;
-    setText(left, last !== null ? leftText(last) : latest.state === "running" ? timeLeft(latest.id) || "…" : "–");
+    setText(elapsed, clock(time.seconds(last !== null)));
+    setText(left, last !== null ? leftText(rounded(last)) : latest.state === "running" ? timeLeft(latest.id) || "…" : "–");
     leftRow.hidden = latest.state === "finished" && last === null;
   };
   return {
@@ -121,7 +118,7 @@ export function progressPanel(finishing) {
     /** @param {Job} job */
     update(job) {
       latest = job;
-      heard = performance.now();
+      time.update(job);
       const pixels = (job.width ?? 1) * (job.height ?? 1);
       setText(samples, isShot(job) ? count(job.shot?.states.finished ?? 0) : perPixel(job.samples / pixels));
       setText(of, goal(job));
@@ -233,7 +230,7 @@ export function actionsPanel() {
       more.hidden = job.state === "failed";
       setText(number, tn(asManyAgain(job), "{n} sample", "{n} samples", { n: count(asManyAgain(job)) }));
       const isKnown = job.state === "finished" && !job.taken && job.active_s >= 1 && asManyAgain(job) === job.spp;
-      more.title = [adds, isKnown && t("Takes {time}, as this picture did.", { time: roughly(job.active_s) })].filter(Boolean).join(". ");
+      more.title = [adds, isKnown && t("Takes {time}, as this picture did.", { time: roughly(job.elapsed_s) })].filter(Boolean).join(". ");
       // Moves the focus if the pressed button disappears.
       if (focused?.hidden) [resume, pause, more].find((button) => !button.hidden)?.focus();
     },

@@ -134,7 +134,7 @@ function withoutGroups(latest, life, renderWith) {
   const render = h("button", { class: "button primary for-submit", type: "button", onclick: () => void start() }, icon("refresh"), t("Render again to mix"));
   const price = h("p", { class: "quiet small" });
   const tellPrice = () => {
-    const { state, active_s: seconds, taken } = latest();
+    const { state, elapsed_s: seconds, taken } = latest();
     const compiles = t("The first picture with separate lights takes about half a minute longer.");
     setText(price, state === "finished" && !taken && seconds >= 1 ? `${t("Takes {time}, as this picture did.", { time: roughly(seconds) })} ${compiles}` : compiles);
   };

@@ -6,7 +6,7 @@
 /** Seconds, whatever a picture's size, until a worker denoises it and the page has it. */
 const BEGIN_S = 0.5;
 /** Core seconds for denoising a pixel, where the farm has not denoised any picture yet. */
-const CORE_S = 1.2e-5;
+const CORE_S = 2e-5;
 
 /** Returns the seconds for denoising a pixel: of the scene's pictures, else of other scenes', the median. @param {Scene | undefined} scene @param {Scene[]} others @param {Worker[]} workers */
 function denoisingOf(scene, others, workers) {

@@ -76,9 +76,10 @@ function put(store, item) {
  * @template {{id: string, created: number}} T
  * @param {Store<T[] | null>} store
  * @param {T} item
+ * @param {(item: T) => void} put
  */
-function adopt(store, item) {
-  if (!store.value?.some(({ id }) => id === item.id)) put(store, item);
+function adopt(store, item, put) {
+  if (!store.value?.some(({ id }) => id === item.id)) put(item);
 }
 
 /** @param {Scene} scene */
@@ -93,16 +94,19 @@ export function denoisingAfter(job) {
 
 /** Stores a description of a job, unless it is older than the known one. @param {Job} job */
 export function putJob(job) {
-  if (isOlder(job, jobs.value?.find(({ id }) => id === job.id))) return;
+  const before = jobs.value?.find(({ id }) => id === job.id);
+  if (isOlder(job, before)) return;
   noteForecast(job, denoisingAfter(job));
   put(jobs, job);
+  // Here, since the job's own socket or an answer may bring a new state before the farm's events do.
+  if (!before || LISTED.some((name) => before[name] !== job[name])) jobNews.update((n) => n + 1);
 }
 
 /** @param {Scene} scene */
-export const adoptScene = (scene) => adopt(scenes, scene);
+export const adoptScene = (scene) => adopt(scenes, scene, putScene);
 
 /** @param {Job} job */
-export const adoptJob = (job) => adopt(jobs, job);
+export const adoptJob = (job) => adopt(jobs, job, putJob);
 
 /**
  * @template {{id: string, created: number}} T
@@ -117,10 +121,8 @@ function take(store, item, put) {
 
 /** @param {Job & {deleted?: boolean}} job */
 function takeJob(job) {
-  const before = jobs.value?.find(({ id }) => id === job.id);
   take(jobs, job, putJob);
-  const same = before && !job.deleted && LISTED.every((name) => before[name] === job[name]);
-  if (!same) jobNews.update((n) => n + 1);
+  if (job.deleted) jobNews.update((n) => n + 1);
 }
 
 /** Fields by which lists are filtered and sorted. */

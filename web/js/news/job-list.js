@@ -122,11 +122,14 @@ export const tallies = new Store(/** @type {Tallies | null} */ (null));
 export function followTallies() {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
+  let turn = 0;
   const look = () => {
     timer = undefined;
+    turn += 1;
+    const own = turn;
     getTallies({}).then(
-      (found) => tallies.set(found),
-      () => {}, // retried at the next event
+      (found) => own === turn && tallies.set(found), // answers may overtake one another
+      () => (timer ??= setTimeout(look, AGAIN_MS)),
     );
   };
   jobNews.subscribe(() => (timer ??= setTimeout(look, GATHER_MS)));

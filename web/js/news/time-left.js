@@ -65,7 +65,7 @@ export class SmoothedEnd {
 }
 
 /**
- * Rounds a remaining time to about a tenth of itself: 5 s, 10 s, a minute, 5 minutes, half an hour.
+ * Rounds a remaining time to about a tenth of itself: 5 s, 10 s, a minute, 5 minutes, half an hour; 0 below 2.5 s.
  *
  * @param {number} seconds
  * @param {(steps: number) => number} [round]
@@ -78,7 +78,7 @@ export function rounded(seconds, round = Math.round) {
     [90 * 60, 300],
     [Infinity, 1800],
   ]).find(([below]) => seconds < below)?.[1] ?? 1800;
-  return Math.max(round(seconds / step) * step, step);
+  return round(seconds / step) * step;
 }
 
 /** Smoothed ends of running jobs, by job id. @type {Map<string, SmoothedEnd>} */
@@ -104,8 +104,8 @@ export function noteForecast(job, after = 0, now = performance.now() / 1000) {
   end.add(job.eta_s + after, now);
 }
 
-/** Returns a remaining time in words: "about 5 s", "about 45 min". @param {number} seconds */
-export const leftText = (seconds) => (seconds < SECONDS ? t("about {n} s", { n: Math.ceil(seconds) }) : roughly(seconds));
+/** Returns a remaining time in words: "a few seconds", "about 5 s", "about 45 min". @param {number} seconds rounded */
+export const leftText = (seconds) => (seconds <= 0 ? t("a few seconds") : seconds < SECONDS ? t("about {n} s", { n: seconds }) : roughly(seconds));
 
 /** @param {string} id of a job @param {number} [now] seconds @returns {string} "about 45 min"; empty without a forecast */
 export function timeLeft(id, now = performance.now() / 1000) {

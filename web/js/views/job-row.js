@@ -129,7 +129,7 @@ function placeWords({ state, priority, deadline }) {
 function progressLine(job) {
   if (job.state === "failed") return saidOf(job, "error");
   if (job.message) return saidOf(job, "message");
-  if (job.state === "finished") return t("took {time}", { time: clock(job.active_s) });
+  if (job.state === "finished") return t("took {time}", { time: clock(job.elapsed_s) });
   const done = isShot(job) && job.shot ? framesDone(job.shot) : `${Math.floor(job.progress * 100)} %`;
   const left = job.state === "running" && timeLeft(job.id);
   return left ? t("{done}, {time} left", { done, time: left }) : done;

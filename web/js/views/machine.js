@@ -9,7 +9,7 @@ import { bytes, compact } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { linkTo } from "../shell/router.js";
 import { machineTerms } from "./machine-terms.js";
-import { sparkline } from "./sparkline.js";
+import { lastHour } from "./last-hour.js";
 import { stateChip } from "../shell/state-chip.js";
 import { showError } from "../shell/tray.js";
 import { allSaidOf, saidOf } from "../base/said.js";
@@ -30,7 +30,7 @@ export function machineCard() {
   const memory = h("dd");
   const gauge = h("div", { class: "gauge", "aria-hidden": "true" }, h("div"));
   const failures = h("dd");
-  const line = sparkline();
+  const hour = lastHour();
   const peak = h("dt");
   const cards = h("ul", { class: "small graphics-cards" });
   const slots = h("ul", { class: "slot-tiles" });
@@ -86,11 +86,13 @@ export function machineCard() {
     const draining = busy ? tn(busy, " {n} slot is finishing its current work.", " {n} slots are finishing their current work.") : "";
     setText(why, worker.state === "paused" ? `${saidOf(worker, "message")}${draining}` : "");
     const now = speedOf(worker);
-    setText(speed, now ? t("{n} samples/s", { n: compact(now) }) : busy ? t("No job") : t("Idle"));
+    setText(speed, now ? t("{n} samples/s", { n: compact(now) }) : busy ? t("No job") : "–"); // its slots say that they are idle
     speed.title = !now && busy ? t("Its slots work for live views, or prepare or denoise something.") : "";
-    const most = Math.max(now, ...(worker.speeds ?? []));
+    const { speeds: known = [] } = worker;
+    const speeds = [...known.slice(0, -1), Math.max(now, known.at(-1) ?? 0)]; // the last is of this minute
+    const most = Math.max(...speeds);
     setText(peak, most ? t("Last hour, up to {n}/s", { n: compact(most) }) : t("Last hour"));
-    line.update(worker.speeds ?? []);
+    hour.update(speeds);
     const { memory_used: used, memory_total: total } = worker;
     setText(memory, used != null && total ? t("{done} of {all}", { done: bytes(used), all: bytes(total) }) : t("not reported"));
     gauge.hidden = used == null || !total;
@@ -117,7 +119,7 @@ export function machineCard() {
         "dl",
         { class: "vitals number" },
         fact(t("Speed"), speed),
-        h("div", null, peak, line.element),
+        h("div", null, peak, hour.element),
         fact(t("Memory"), memory, gauge),
         fact(t("Failures"), failures),
       ),

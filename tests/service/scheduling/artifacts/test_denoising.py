@@ -19,7 +19,7 @@ import httpx
 import numpy as np
 import pytest
 
-from protocol.contract import DenoiseFrame
+from protocol.contract import ROUGH_PREVIEW_GROWTH, DenoiseFrame
 from renderer.image import rgbe9995
 from service.errors import Conflict
 from service.jobs.denoised import denoised_artifact
@@ -203,7 +203,7 @@ def test_preview_is_renewed_as_samples_grow(service: Service, worker: PeerWorker
         assert answer.status_code == 200, answer.text
         if int(answer.headers["x-samples"]) != made[-1]:
             made.append(int(answer.headers["x-samples"]))
-    assert all(after >= previews.EARLY_GROWTH * before for before, after in pairwise(made[1:-1])), made
+    assert all(after >= ROUGH_PREVIEW_GROWTH * before for before, after in pairwise(made[1:-1])), made
     assert len(worker.denoised) <= 20
     last = raw(service, job, "?denoise=true&preview=true").headers
     assert (int(last["x-samples"]) > 30 * pixels, last["x-preview"]) == (True, "true")
@@ -276,9 +276,36 @@ def test_stored_picture_has_no_more_samples_than_the_film(samples: int, is_store
     assert engine.existing_preview("j", 1, film) is None
 
 
+@pytest.mark.long
+def test_elapsed_time_of_a_job_includes_its_denoised_picture(service: Service, worker: PeerWorker) -> None:
+    """With `denoise`, from the request for the picture on; the list of jobs shows the same."""
+    scene = service.ready_scene()
+    plain, job = service.submit(scene), service.submit(scene, seed=1, denoise=True)
+    for id in (plain, job):
+        service.wait_for(id, "finished")
+        raw(service, id, "?denoise=true")
+    until(lambda: service.job(job)["elapsed_s"] > service.job(job)["active_s"], "its time is known")
+    listed = {each["id"]: each for each in service.http.get("/api/jobs").json()}
+    assert listed[job]["elapsed_s"] == service.job(job)["elapsed_s"]
+    assert listed[plain]["elapsed_s"] == listed[plain]["active_s"], "a denoised picture was not part of that job"
+
+
+def test_time_of_a_denoised_picture_is_that_of_all_samples() -> None:
+    task = Denoising.__new__(Denoising)
+    task._lock = threading.Lock()
+    task._made = {("j", 0): ArtifactResult("a" * 64, samples=64, waited_s=6.5)}
+    pending = SimpleNamespace(begun=time.monotonic() - 3)
+    task._wanted = {("j", 2): pending}  # type: ignore[dict-item]
+    engine = Engine.__new__(Engine)
+    engine._artifact_tasks = SimpleNamespace(denoising=task)  # type: ignore[assignment]
+    assert engine.denoising_s("j", 0, 64) == 6.5
+    assert engine.denoising_s("j", 0, 65) == 0, "more samples have come"
+    assert 3 <= engine.denoising_s("j", 2, 64) < 60, "it is being made"
+
+
 def test_request_waits_for_the_next_preview() -> None:
     """A page would otherwise receive the previous preview, and request the next one too late."""
-    rests = [0.05, previews.EARLY_REST * previews.MOST_SECONDS]
+    rests = [0.05, previews.MOST_SECONDS]
     waited: list[float] = []
     done: Future[ArtifactResult] = Future()
     done.set_result(ArtifactResult("b" * 64, "", 4))
@@ -307,17 +334,20 @@ def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyP
     task._record_made(made, request)
     for after, samples, is_recent in (
         (0.0, 1999, True),
-        (2.8, 5000, True),  # doubled, but the farm rests for 19 * 1.5 s / 10 slots
-        (2.9, 1999, True),
-        (2.9, 2000, False),
+        (1.45, 5000, True),  # doubled, but the farm rests: 1.5 s of one slot are a twentieth of 3 s of ten slots
+        (1.55, 1999, True),
+        (1.55, 2000, False),
         (0.0, 999, False),  # the film was lost, and begun again
     ):
         now[0] = 100.0 + after
         assert task._is_recent(made, samples, 15) is is_recent, (after, samples)
     now[0] = 100.0
     task._record_made(made, replace(request, width=50))
+    assert not task._is_recent(made, 1250, 150), "of few samples per pixel: one of ten slots is less than a third"
+    monkeypatch.setattr(task, "_able_workers", lambda: [SimpleNamespace(slots=2)])
+    task._record_made(made, replace(request, width=50))
     task._made = {("j", 0): made}
-    for after, is_recent, rest in ((0.25, True, 0.05), (0.35, False, 0.0)):  # of few samples per pixel: 2 * 1.5 s / 10 slots
+    for after, is_recent, rest in ((0.7, True, 0.05), (0.8, False, 0.0)):  # 1.5 s are a third of 2.25 s of two slots
         now[0] = 100.0 + after
         assert task._is_recent(made, 1250, 150) is is_recent, after
         assert task._is_recent(made, 1249, 150) is True, after
@@ -474,16 +504,19 @@ def test_false_duration_of_a_preview_does_not_stop_renewals() -> None:
     workers = SimpleNamespace(roster=SimpleNamespace(ready_reports=list))
     made = DenoisedPreviews(None, workers, None, None)  # type: ignore[arg-type]
     made._record_made(ArtifactResult("", samples=1 << 20, seconds=1e308), DenoiseFrame("", "j", 0, 4, 4))
-    assert made._rests_until - time.monotonic() <= previews.REST * previews.MOST_SECONDS
+    assert made._rests_until - time.monotonic() <= previews.MOST_SECONDS / previews.SHARE
     made.close()
 
 
 def test_stored_pictures_are_known_after_a_restart(tmp_path: Path) -> None:
     kept = KeptArtifacts(tmp_path / "denoised.json")
     assert kept.load() == {}
-    made = {("job", 0): ArtifactResult("a" * 64, "version", 9, 1.5), ("shot", 14): ArtifactResult("b" * 64, "a+b", 3)}
+    made = {("job", 0): ArtifactResult("a" * 64, "version", 9, 1.5, 6.5), ("shot", 14): ArtifactResult("b" * 64, "a+b", 3)}
     kept.save(made)
     assert KeptArtifacts(tmp_path / "denoised.json").load() == made
+    (tmp_path / "denoised.json").write_text(f'[["job", 0, "{"a" * 64}", "version", 9, 1.5]]')
+    earlier = {("job", 0): ArtifactResult("a" * 64, "version", 9, 1.5)}
+    assert kept.load() == earlier, "of a release that did not store how long a request waited"
     (tmp_path / "denoised.json").write_text('[["job", 0, "../secret", "", 1, 0]]')
     assert kept.load() == {}, "no hash"
     (tmp_path / "denoised.json").write_text("[[1]]")
