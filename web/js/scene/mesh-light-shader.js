@@ -44,6 +44,14 @@ uniform sampler2D seenDepth;
 uniform sampler2D seenNormal;
 uniform vec2 perPixel;
 ${EDGED_GLSL}
+const int FEWEST_BACK = 4; // of nine texels: of a line of them along an edge there are three
+// Whether back faces are seen around a pixel of the canvas. Else the depth of one that folds back there is imprecise: the face in front hides it.
+bool isBackSeen(vec2 pixel) {
+  ivec2 size = textureSize(seenDepth, 0), middle = ivec2(pixel * perPixel * vec2(size));
+  int seen = 0;
+  for (int i = 0; i < 9; i++) seen += int(texelFetch(seenNormal, clamp(middle + ivec2(i % 3, i / 3) - 1, ivec2(0), size - 1), 0).a < 0.5);
+  return seen >= FEWEST_BACK;
+}
 // Light at a pixel of the canvas: that of the texels around it which show the same surface. n: as edged
 void shadowsAt(vec2 pixel, float depth, float slack, vec3 n, out vec3 missed, out vec4 open) {
   ivec2 size = textureSize(seenDepth, 0);

@@ -51,7 +51,7 @@ void main() {
   pixel = vec4(color * texture(image, texel).rgb, 1.0);
 }`;
 
-/** Normals of the surfaces that the camera sees, with edges and smoothed. */
+/** Normals of the surfaces that the camera sees, with edges and smoothed; and as alpha, 0 for back faces. */
 export const NORMAL_FRAGMENT = `#version 300 es
 precision highp float;
 ${HIDDEN_GLSL}
@@ -65,8 +65,9 @@ void main() {
   vec3 flatly = normalize(cross(dFdx(place), dFdy(place)));
   if (dot(flatly, normalize(eye.xyz - eye.w * place)) < 0.0) flatly = -flatly;
   vec3 n = dot(facing, facing) > 0.01 ? normalize(facing) : flatly;
-  if (dot(n, flatly) < 0.0) n = -n;
-  pixel = vec4(0.5 + 0.5 * edged(n, flatly), 1.0);
+  bool isBack = dot(n, flatly) < 0.0;
+  if (isBack) n = -n;
+  pixel = vec4(0.5 + 0.5 * edged(n, flatly), isBack ? 0.0 : 1.0);
   smoothed = vec4(0.5 + 0.5 * n, 1.0);
 }`;
 
@@ -130,8 +131,8 @@ bool point(out vec3 place, out vec3 n) {
 #endif`;
 
 /**
- * Light of the environment that a point misses: that of the directions in which something else is seen, less what that reflects; and, as alpha, the
- * luminance of the light of all directions, shadowed or not. Their ratio is bounded however few the directions are.
+ * Light of the environment that a point misses: that of the directions in which something else is seen; and, as alpha, the luminance of the light of
+ * all directions, shadowed or not. Their ratio is bounded however few the directions are.
  */
 export const GATHER_FRAGMENT = `#version 300 es
 precision highp float;
@@ -150,6 +151,7 @@ uniform vec3 albedoY;
 uniform float halfHeight; // of the scene
 uniform bool isAlone; // only lamps light the scene, and what is seen in place of other light is an estimate
 layout(location = 0) out vec4 missed;
+layout(location = 1) out vec4 given; // what is seen in place of the light that is missed, if all light reaches it
 ${EDGED_GLSL}
 ${POINT_GLSL}
 // Mean albedo around a place. view: 0: from below, 1: from above.
@@ -161,10 +163,9 @@ vec3 albedoAt(vec3 place, float view, float level) {
   return isAlone ? vec3(1.0) : found.rgb / max(found.a, 1e-2);
 }
 #ifdef FLOOR
-layout(location = 2) out vec4 given; // what is seen in place of the light that is missed
 uniform sampler2D mapDepth; // the maps, without comparison
 uniform float depthRange; // of the maps, in the scene
-layout(location = 1) out vec2 away; // how far what hides the light is, weighted by the light, and the sum of the weights
+layout(location = 2) out vec2 away; // how far what hides the light is, weighted by the light, and the sum of the weights
 #else
 ${FLOOR_MAP_GLSL}
 uniform sampler2D seenSmoothed;
@@ -192,10 +193,9 @@ const float WITHIN = 0.75; // part of the light that comes from behind the surfa
 const float GRAZING = 0.1; // cosine to a triangle's normal from which all light reaches its points
 void main() {
   vec3 place, edge;
-  missed = vec4(0.0);
+  missed = given = vec4(0.0);
 #ifdef FLOOR
   away = vec2(0.0);
-  given = vec4(0.0);
 #endif
   if (!point(place, edge)) return;
 #ifdef FLOOR
@@ -234,7 +234,7 @@ void main() {
     open *= above;
     vec3 reflecting = isAlone ? groundAlong(place, ways[i], up) : mix(fromAbove, fromBelow, 0.5 + 0.5 * dot(up, ways[i]));
     vec3 lost = (1.0 - open) * colors[i];
-    if (!isFloor) lost -= (1.0 - open) * mix(WITHIN, 1.0, above) * instead[i] * reflecting;
+    if (!isFloor) given.rgb += cosine * (1.0 - open) * mix(WITHIN, 1.0, above) * instead[i] * reflecting;
     // A direction below the horizon sees the floor, whose shadow is missing from the light.
     if (dot(ways[i], floorPlane.xyz) < 0.0) lost += open * colors[i] * min(missedFrom(place, ways[i], SPREAD) / max(floorRadiance, vec3(1e-6)), 1.0);
 #endif
@@ -310,10 +310,28 @@ void main() {
   reflected = vec4(back / max(all.a, 1e-9), 1.0);
 }`;
 
+/**
+ * Light that what the camera sees misses, less what surfaces reflect in its place. These are about as open to the light as what they surround: in a
+ * cavity, they reflect little.
+ */
+export const REFLECTED_FRAGMENT = `#version 300 es
+precision highp float;
+uniform sampler2D hidden; // as GATHER_FRAGMENT writes them
+uniform sampler2D given;
+uniform bool isAlone; // as there: the light around is what surfaces reflect
+out vec4 missed;
+const float OPEN = 0.45; // part of the light that reaches a point from which all of it reaches the surfaces around; chosen by comparison with path-traced pictures
+void main() {
+  missed = texelFetch(hidden, ivec2(gl_FragCoord.xy), 0);
+  vec3 back = texelFetch(given, ivec2(gl_FragCoord.xy), 0).rgb;
+  float open = 1.0 - dot(missed.rgb, vec3(0.2126, 0.7152, 0.0722)) / max(missed.a, 1e-9);
+  missed.rgb -= (isAlone ? 1.0 : smoothstep(0.0, OPEN, open)) * back;
+}`;
+
 /** Blurs what is missed along a surface, and divides it by the light of all directions. */
 export const SMOOTH_FRAGMENT = `#version 300 es
 precision highp float;
-uniform sampler2D raw; // as GATHER_FRAGMENT writes it
+uniform sampler2D raw; // as REFLECTED_FRAGMENT writes it
 out vec4 missed;
 ${POINT_GLSL}
 void main() {
