@@ -151,7 +151,7 @@ uniform vec3 albedoY;
 uniform float halfHeight; // of the scene
 uniform bool isAlone; // only lamps light the scene, and what is seen in place of other light is an estimate
 layout(location = 0) out vec4 missed;
-layout(location = 1) out vec4 given; // what is seen in place of the light that is missed, if all light reaches it
+layout(location = 1) out vec4 given; // what is seen in place of the light that is missed, if all light reaches it; and as alpha the luminance of the light that other surfaces hide
 ${EDGED_GLSL}
 ${POINT_GLSL}
 // Mean albedo around a place. view: 0: from below, 1: from above.
@@ -231,6 +231,7 @@ void main() {
     vec3 lost = (1.0 - open) * colors[i];
 #else
     float above = max(1.0 - bent, smoothstep(0.0, GRAZING, dot(edge, ways[i]))); // such a normal faces directions that are behind the surface
+    if (!isFloor) given.a += cosine * (1.0 - open) * above * dot(colors[i], LUMINANCE);
     open *= above;
     vec3 reflecting = isAlone ? groundAlong(place, ways[i], up) : mix(fromAbove, fromBelow, 0.5 + 0.5 * dot(up, ways[i]));
     vec3 lost = (1.0 - open) * colors[i];
@@ -323,9 +324,9 @@ out vec4 missed;
 const float OPEN = 0.45; // part of the light that reaches a point from which all of it reaches the surfaces around; chosen by comparison with path-traced pictures
 void main() {
   missed = texelFetch(hidden, ivec2(gl_FragCoord.xy), 0);
-  vec3 back = texelFetch(given, ivec2(gl_FragCoord.xy), 0).rgb;
-  float open = 1.0 - dot(missed.rgb, vec3(0.2126, 0.7152, 0.0722)) / max(missed.a, 1e-9);
-  missed.rgb -= (isAlone ? 1.0 : smoothstep(0.0, OPEN, open)) * back;
+  vec4 back = texelFetch(given, ivec2(gl_FragCoord.xy), 0);
+  float open = 1.0 - back.a / max(missed.a, 1e-9);
+  missed.rgb -= (isAlone ? 1.0 : smoothstep(0.0, OPEN, open)) * back.rgb;
 }`;
 
 /** Blurs what is missed along a surface, and divides it by the light of all directions. */
