@@ -31,10 +31,12 @@ import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
 const [GIVEN, GIVEN_POWER] = [1.2, 0.7];
 /** Half the angle between neighbouring ones of all directions, about. */
 const APART = 0.09;
+/** Light that the blur of shadows may move, in that of a direction. */
+const MOST_BLURRED = 0.5;
 /** Share of the surrounding light that remains where surfaces block it, if that light only estimates what surfaces reflect. */
 const REFLECTED = 0.6;
-/** Texture units; those of the mesh are below. */
-const UNITS = { maps: 9, seenDepth: 10, seenNormal: 11, missed: 12, open: 13, floorMissed: 14, floorAway: 15 };
+/** Texture units; those of the mesh are below, of which one is free while nothing is drawn. */
+const UNITS = { mapDepth: 5, maps: 9, seenDepth: 10, seenNormal: 11, missed: 12, open: 13, floorMissed: 14, floorAway: 15 };
 /** Pixels of the view above which shadows are computed for every other one along a side. */
 const MANY_PIXELS = 500_000;
 /** Pixels along a side for which the coarse shadows are computed once. */
@@ -55,7 +57,7 @@ const SLACK = 1e-4;
 /** @typedef {(name: string) => WebGLUniformLocation | null} At */
 /** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, isAlone: boolean, drawPart: (part: MeshPart, material: MeshMaterial, at: At) => void}} Subject isAlone: whether only lamps light it. above: up in the scene, if it stands on a floor */
 /** What the camera sees, with normals as EDGED_GLSL has them and smoothed ones, and the light that misses it: added up coarsely and finely, and smoothed. @typedef {{width: number, height: number, depth: WebGLTexture, normal: WebGLTexture, smoothed: WebGLTexture, coarse: Gathered, fine: Gathered, missed: WebGLTexture, open: WebGLTexture}} Seen */
-/** The light that is hidden from points, what surfaces reflect in its place, and what remains missing. @typedef {{hidden: WebGLTexture, given: WebGLTexture, missed: WebGLTexture}} Gathered */
+/** The light that is hidden from points, what surfaces reflect in its place, how far these are, and what remains missing. @typedef {{hidden: WebGLTexture, given: WebGLTexture, away: WebGLTexture, missed: WebGLTexture}} Gathered */
 /** Textures of the floor's map: the light that it misses, and how far what shadows it is; and of what these are computed from, the light that is hidden, that which is reflected in its place, and the parts of the lamps' light. @typedef {{missed: WebGLTexture, away: WebGLTexture, hidden: WebGLTexture, given: WebGLTexture, open: WebGLTexture, reflected: WebGLTexture}} Floor */
 
 export class MeshShadows {
@@ -188,7 +190,7 @@ export class MeshShadows {
     if (this.seen) for (const texture of Object.values(this.seen).flatMap((each) => (each instanceof WebGLTexture ? each : typeof each === "object" ? Object.values(each) : []))) gl.deleteTexture(texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.missed);
     const colors = (/** @type {number} */ format, share = 1) => colorTarget(gl, Math.ceil(width / share), Math.ceil(height / share), format);
-    const gathered = (share = 1) => ({ hidden: colors(gl.RGBA16F, share), given: colors(gl.RGBA16F, share), missed: colors(gl.RGBA16F, share) });
+    const gathered = (share = 1) => ({ hidden: colors(gl.RGBA16F, share), given: colors(gl.RGBA16F, share), away: colors(gl.RG16F, share), missed: colors(gl.RGBA16F, share) });
     this.seen = { width, height, depth: depthTarget(gl, width, height, gl.DEPTH_COMPONENT24), normal: colors(gl.RGBA8), smoothed: colors(gl.RGBA8), coarse: gathered(COARSE), fine: gathered(), missed: colors(gl.RGBA16F), open: colors(gl.RGBA8) };
   }
 
@@ -311,7 +313,7 @@ export class MeshShadows {
   gatherFirst() {
     const { maps, seen } = this;
     if (!maps || !seen) return;
-    for (const each of [seen.coarse.hidden, seen.coarse.given]) this.clear(each, 0);
+    this.clearGathered(seen.coarse);
     for (let first = 0; first < Math.min(maps.drawn, FIRST_TILES); first += TOGETHER) this.gather(seen.coarse, first, COARSE);
     this.smooth(seen.coarse, COARSE);
   }
@@ -320,12 +322,12 @@ export class MeshShadows {
   gatherMore() {
     const { seen } = this;
     if (!seen) return;
-    if (!this.fine) for (const each of [seen.fine.hidden, seen.fine.given]) this.clear(each, 0);
+    if (!this.fine) this.clearGathered(seen.fine);
     this.gather(seen.fine, this.fine, 1, SLICE);
     this.fine = Math.min(this.fine + SLICE, this.samples.length);
   }
 
-  /** Adds up what the light of some directions misses. @param {Pick<Gathered, "hidden" | "given">} target @param {number} first @param {number} step pixels that a texel of the target stands for; 0: it is the floor's map @param {number} [most] directions, TOGETHER at most */
+  /** Adds up what the light of some directions misses. @param {Pick<Gathered, "hidden" | "given" | "away">} target @param {number} first @param {number} step pixels that a texel of the target stands for; 0: it is the floor's map @param {number} [most] directions, TOGETHER at most */
   gather(target, first, step, most = TOGETHER) {
     const { gl, maps, samples, seen, subject } = this;
     const linked = this.program(GATHER_VERTEX, GATHER_FRAGMENT, step ? [] : ["FLOOR"]);
@@ -334,8 +336,13 @@ export class MeshShadows {
     const last = Math.min(first + most, maps.drawn);
     this.beginPoints(linked, target.hidden, step);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, gl.TEXTURE_2D, target.given, 0);
-    gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT2, gl.TEXTURE_2D, target.away, 0);
+    gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1, gl.COLOR_ATTACHMENT2]);
     maps.bind(UNITS.maps, maps.directions);
+    maps.bind(UNITS.mapDepth, maps.directions);
+    gl.bindSampler(UNITS.mapDepth, maps.uncompared);
+    gl.uniform1i(at("mapDepth"), UNITS.mapDepth);
+    gl.uniform1f(at("depthRange"), 2 * radiusOf(subject.mesh));
     gl.uniform1i(at("first"), first);
     gl.uniform1i(at("count"), last - first);
     gl.uniform1f(at("texelSize"), maps.texelSize);
@@ -356,27 +363,20 @@ export class MeshShadows {
       bindTexture(gl, UNITS.floorAway, this.floor?.reflected ?? null);
       gl.uniform1i(at("seenSmoothed"), UNITS.open);
       bindTexture(gl, UNITS.open, seen?.smoothed ?? null);
-    } else this.addFloor(at);
+    }
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.disable(gl.BLEND);
     gl.enable(gl.DEPTH_TEST);
-    if (!step) gl.bindSampler(UNITS.seenNormal, null);
+    gl.bindSampler(UNITS.mapDepth, null);
     for (const each of [gl.COLOR_ATTACHMENT1, gl.COLOR_ATTACHMENT2]) gl.framebufferTexture2D(gl.FRAMEBUFFER, each, gl.TEXTURE_2D, null, 0);
     gl.drawBuffers([gl.COLOR_ATTACHMENT0]);
   }
 
-  /** Adds to what is gathered the distance of what shadows the floor, from the depths themselves, and what that reflects. @param {At} at */
-  addFloor(at) {
-    const { gl, maps, floor, subject } = this;
-    if (!maps || !floor || !subject) return;
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT2, gl.TEXTURE_2D, floor.away, 0);
-    gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1, gl.COLOR_ATTACHMENT2]);
-    maps.bind(UNITS.seenNormal, maps.directions);
-    gl.bindSampler(UNITS.seenNormal, maps.uncompared);
-    gl.uniform1i(at("mapDepth"), UNITS.seenNormal);
-    gl.uniform1f(at("depthRange"), 2 * radiusOf(subject.mesh));
+  /** @param {Gathered} gathered */
+  clearGathered({ hidden, given, away }) {
+    for (const each of [hidden, given, away]) this.clear(each, 0);
   }
 
   clearFloor() {
@@ -385,15 +385,19 @@ export class MeshShadows {
 
   /** Computes the light that what the camera sees misses, and blurs it along the surfaces. @param {Gathered} gathered @param {number} step pixels that a texel of it stands for */
   smooth(gathered, step) {
-    const { gl, seen, subject } = this;
+    const { gl, maps, samples, seen, subject } = this;
     const [reflected, linked] = [this.program(GATHER_VERTEX, REFLECTED_FRAGMENT), this.program(GATHER_VERTEX, SMOOTH_FRAGMENT)];
-    if (!seen || !subject || !reflected || !linked) return;
+    if (!maps || !seen || !subject || !reflected || !linked) return;
     this.beginPoints(reflected, gathered.missed, step);
     gl.uniform1i(reflected.at("isAlone"), subject.isAlone ? 1 : 0);
     gl.uniform1i(reflected.at("hidden"), UNITS.missed);
     bindTexture(gl, UNITS.missed, gathered.hidden);
     gl.uniform1i(reflected.at("given"), UNITS.open);
     bindTexture(gl, UNITS.open, gathered.given);
+    gl.uniform1i(reflected.at("hiddenAway"), UNITS.floorAway);
+    bindTexture(gl, UNITS.floorAway, gathered.away);
+    gl.uniform1f(reflected.at("most"), MOST_BLURRED * luminance(...(samples[0]?.color ?? [0, 0, 0])));
+    gl.uniform1f(reflected.at("softness"), APART * Math.sqrt(this.samples.length / (step === 1 ? this.fine : Math.min(maps.drawn, FIRST_TILES))));
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     this.beginPoints(linked, seen.missed, 1);
     gl.uniform1i(linked.at("step"), step);
