@@ -211,12 +211,13 @@ vec4 ballAlong(vec3 place, vec3 way, float spread) {
 }
 #endif
 #endif
+const float LOBE = 4.5; // half the width of a rough reflection, by the square of the roughness
 // Radiance along a ray: of the scene, if it is seen there, or else of its surroundings. spread: angle between the rays of neighbouring pixels.
 vec3 seenAlong(vec3 place, vec3 way, float rough, float spread) {
   vec3 light = reflected(way, rough);
 #ifdef MIRRORS
   if (showsScene) {
-    float wide = max(spread, 2.0 * rough * rough);
+    float wide = max(spread, LOBE * rough * rough);
     float level = clamp(log2(max(${SIDE / 2}.0 * wide, 1e-3)), 0.0, 6.0);
     vec4 met = metAlong(place, way, rough);
     vec4 known = met.w * textureLod(mirrored, met.xyz, level);
@@ -245,7 +246,6 @@ vec2 environmentBrdf(float nv, float rough) {
   return vec2(-1.04, 1.04) * a + r.zw;
 }
 #ifdef RECTANGLES
-const float LOBE = 4.5; // half the width of a rough reflection, by the square of the roughness
 // Radiance of the lamps that are rectangles along a ray. open: as shadowsAt.
 vec3 lampsAlong(vec3 place, vec3 way, float rough, float spread, vec4 open) {
   vec3 light = vec3(0.0);

@@ -336,7 +336,6 @@ uniform mat4 toClip;
 out vec4 missed;
 ${POINT_GLSL}
 const float OPEN = 0.45; // part of the light that reaches a point from which all of it reaches the surfaces around; chosen by comparison with path-traced pictures
-const int TAPS = 16;
 const float WIDEST = 2.0, MOST_TEXELS = 24.0; // reach of the blur, in widths of a shadow, and at most
 void main() {
   ivec2 texel = ivec2(gl_FragCoord.xy), pixel = pixelOf(texel), last = textureSize(hidden, 0) - 1;
@@ -353,8 +352,9 @@ void main() {
     vec3 allBack = back;
     vec2 allAway = away;
     float total = 1.0, gap;
-    for (int i = 0; i < TAPS; i++) {
-      float turn = 2.399963 * float(i), share = (float(i) + 0.5) / float(TAPS); // a spiral by the golden angle
+    int taps = step == 1 ? 16 : 8;
+    for (int i = 0; i < taps; i++) {
+      float turn = 2.399963 * float(i), share = (float(i) + 0.5) / float(taps); // a spiral by the golden angle
       ivec2 tap = clamp(texel + ivec2(round(wide * sqrt(share) * vec2(cos(turn), sin(turn)))), ivec2(0), last);
       float weight = exp(-2.0 * share) * alikeAt(pixelOf(tap), pixel, depth, slope, n, gap);
       if (weight == 0.0) continue;
