@@ -331,12 +331,13 @@ uniform sampler2D given;
 uniform sampler2D hiddenAway;
 uniform bool isAlone; // as there: the light around is what surfaces reflect
 uniform float softness; // half the angle between neighbouring directions
-uniform float most; // light that the blur may move: that of a direction or two; what casts a shadow can be nearer than the maps show
+uniform float most; // light that the blur may move: what casts a shadow can be nearer than the maps show
 uniform mat4 toClip;
 out vec4 missed;
 ${POINT_GLSL}
 const float OPEN = 0.45; // part of the light that reaches a point from which all of it reaches the surfaces around; chosen by comparison with path-traced pictures
-const float WIDEST = 2.0, MOST_TEXELS = 24.0; // reach of the blur, in widths of a shadow, and at most
+const int TAPS = 16;
+const float WIDEST = 2.0, MOST_PIXELS = 24.0; // reach of the blur, in widths of a shadow, and at most
 void main() {
   ivec2 texel = ivec2(gl_FragCoord.xy), pixel = pixelOf(texel), last = textureSize(hidden, 0) - 1;
   missed = texelFetch(hidden, texel, 0);
@@ -344,17 +345,16 @@ void main() {
   vec2 away = texelFetch(hiddenAway, texel, 0).rg;
   float depth = texelFetch(seenDepth, pixel, 0).r;
   if (!pointAt(pixel, depth, place, n)) return;
-  float perUnit = 0.5 * float(textureSize(seenDepth, 0).x) * length(vec3(toClip[0][0], toClip[1][0], toClip[2][0])) / (toClip * vec4(place, 1.0)).w;
-  float wide = min(WIDEST * softness * away.x / max(away.y, 1e-9) * perUnit / float(step), MOST_TEXELS);
-  if (wide > 1.0) {
+  float perUnit = 0.5 * float(textureSize(seenDepth, 0).x) * length(vec3(toClip[0][0], toClip[1][0], toClip[2][0])) / (toClip * vec4(place, 1.0)).w; // pixels
+  float wide = min(WIDEST * softness * away.x / max(away.y, 1e-9) * perUnit, MOST_PIXELS);
+  if (step == 1 && wide > 1.0) { // coarsely, the points are blurred anyway
     vec2 slope = slopeOf(place, n);
     vec4 all = missed;
     vec3 allBack = back;
     vec2 allAway = away;
     float total = 1.0, gap;
-    int taps = step == 1 ? 16 : 8;
-    for (int i = 0; i < taps; i++) {
-      float turn = 2.399963 * float(i), share = (float(i) + 0.5) / float(taps); // a spiral by the golden angle
+    for (int i = 0; i < TAPS; i++) {
+      float turn = 2.399963 * float(i), share = (float(i) + 0.5) / float(TAPS); // a spiral by the golden angle
       ivec2 tap = clamp(texel + ivec2(round(wide * sqrt(share) * vec2(cos(turn), sin(turn)))), ivec2(0), last);
       float weight = exp(-2.0 * share) * alikeAt(pixelOf(tap), pixel, depth, slope, n, gap);
       if (weight == 0.0) continue;

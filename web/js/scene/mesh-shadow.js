@@ -385,9 +385,9 @@ export class MeshShadows {
 
   /** Computes the light that what the camera sees misses, and blurs it along the surfaces. @param {Gathered} gathered @param {number} step pixels that a texel of it stands for */
   smooth(gathered, step) {
-    const { gl, maps, samples, seen, subject } = this;
+    const { gl, samples, seen, subject } = this;
     const [reflected, linked] = [this.program(GATHER_VERTEX, REFLECTED_FRAGMENT), this.program(GATHER_VERTEX, SMOOTH_FRAGMENT)];
-    if (!maps || !seen || !subject || !reflected || !linked) return;
+    if (!seen || !subject || !reflected || !linked) return;
     this.beginPoints(reflected, gathered.missed, step);
     gl.uniform1i(reflected.at("isAlone"), subject.isAlone ? 1 : 0);
     gl.uniform1i(reflected.at("hidden"), UNITS.missed);
@@ -397,7 +397,7 @@ export class MeshShadows {
     gl.uniform1i(reflected.at("hiddenAway"), UNITS.floorAway);
     bindTexture(gl, UNITS.floorAway, gathered.away);
     gl.uniform1f(reflected.at("most"), MOST_BLURRED * luminance(...(samples[0]?.color ?? [0, 0, 0])));
-    gl.uniform1f(reflected.at("softness"), APART * Math.sqrt(this.samples.length / (step === 1 ? this.fine : Math.min(maps.drawn, FIRST_TILES))));
+    gl.uniform1f(reflected.at("softness"), APART);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     this.beginPoints(linked, seen.missed, 1);
     gl.uniform1i(linked.at("step"), step);
