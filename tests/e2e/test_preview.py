@@ -329,7 +329,7 @@ def test_box_with_smoothed_normals_has_sharp_edges_in_a_preview(farm: Farm, watc
 
 # A box that is open at the top, deep and narrow: a small part of the light reaches its inside.
 WELL = "".join(f"v {x} {y} {z}\n" for x in (-0.4, 0.4) for y in (0.5, 2.5) for z in (-0.4, 0.4))
-WELL += "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\n"
+WELL += "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 1 3 7 5\nf 2 6 8 4\n"
 
 
 @pytest.mark.long
@@ -340,27 +340,7 @@ def test_inside_of_a_well_is_dark_in_a_preview(farm: Farm, watched: Watched) -> 
     view = {"eye": [1.2, 9, 0], "target": [-0.4, 1.4, 0], "up": [0, 0, -1], "fov": 40}
     for is_refined in (False, True):
         ((wall, _, _), (floor, _, _)) = page.evaluate(DRAW_CUBE, [WELL, [[-0.4, 1.4, 0], [-2, 0, 2]], is_refined, view])
-        print(wall, floor)
         assert wall < 0.8 * floor
-    assert watched.errors == []
-
-
-@pytest.mark.long
-def test_edges_of_a_preview_have_no_specks(farm: Farm, watched: Watched) -> None:
-    """The face that folds back behind an edge, whose normal is that of the one in front, is not seen through it."""
-    page = watched.page
-    page.goto(farm.url)
-    around = [(math.cos(turn), math.sin(turn)) for turn in np.arange(6) * math.pi / 3]
-    prism = "".join(f"v {x} {y} {z}\n" for y in (0, 2) for x, z in around) + "".join(f"vn {x} 0 {z}\n" for x, z in around)
-    for i in range(6):
-        k = (i + 1) % 6
-        prism += f"f {i + 1}//{i + 1} {i + 7}//{i + 1} {k + 7}//{k + 1} {k + 1}//{k + 1}\n"
-    view = {"eye": [0.3, 1.1, 9], "target": [0, 1, 0], "up": [0.4, 1, 0], "fov": 20}
-    edges = [[side, 0.1 + 0.02 * i, 0] for side in (-1, 1) for i in range(90)]
-    for is_refined in (False, True):
-        colors = np.array(page.evaluate(DRAW_CUBE, [prism, edges, is_refined, view]), dtype=int)[:, 1].reshape(2, 90)
-        print(colors)
-        assert np.abs(np.diff(colors)).max() <= 10
     assert watched.errors == []
 
 
