@@ -327,6 +327,23 @@ def test_box_with_smoothed_normals_has_sharp_edges_in_a_preview(farm: Farm, watc
     assert watched.errors == []
 
 
+# A box that is open at the top, deep and narrow: a small part of the light reaches its inside.
+WELL = "".join(f"v {x} {y} {z}\n" for x in (-0.4, 0.4) for y in (0.5, 2.5) for z in (-0.4, 0.4))
+WELL += "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 1 3 7 5\nf 2 6 8 4\n"
+
+
+@pytest.mark.long
+def test_inside_of_a_well_is_dark_in_a_preview(farm: Farm, watched: Watched) -> None:
+    """Surfaces in a cavity reflect little light, since little reaches them."""
+    page = watched.page
+    page.goto(farm.url)
+    view = {"eye": [1.2, 9, 0], "target": [-0.4, 1.4, 0], "up": [0, 0, -1], "fov": 40}
+    for is_refined in (False, True):
+        ((wall, _, _), (floor, _, _)) = page.evaluate(DRAW_CUBE, [WELL, [[-0.4, 1.4, 0], [-2, 0, 2]], is_refined, view])
+        assert wall < 0.8 * floor
+    assert watched.errors == []
+
+
 # Draws a metal floor before a wall in several lights, one after the other. Returns the colours of pixels, 0 ... 255; by default
 # of the middle of the floor.
 DRAW_MIRROR = """async ([obj, mtl, lights, points = [[100, 100]]]) => {

@@ -44,6 +44,14 @@ uniform sampler2D seenDepth;
 uniform sampler2D seenNormal;
 uniform vec2 perPixel;
 ${EDGED_GLSL}
+const int FEWEST_BACK = 4; // of nine texels: of a line of them along an edge there are three
+// Whether back faces are seen around a pixel of the canvas. Else the depth of one that folds back there is imprecise: the face in front hides it.
+bool isBackSeen(vec2 pixel) {
+  ivec2 size = textureSize(seenDepth, 0), middle = ivec2(pixel * perPixel * vec2(size));
+  int seen = 0;
+  for (int i = 0; i < 9; i++) seen += int(texelFetch(seenNormal, clamp(middle + ivec2(i % 3, i / 3) - 1, ivec2(0), size - 1), 0).a < 0.5);
+  return seen >= FEWEST_BACK;
+}
 // Light at a pixel of the canvas: that of the texels around it which show the same surface. n: as edged
 void shadowsAt(vec2 pixel, float depth, float slack, vec3 n, out vec3 missed, out vec4 open) {
   ivec2 size = textureSize(seenDepth, 0);
@@ -203,12 +211,13 @@ vec4 ballAlong(vec3 place, vec3 way, float spread) {
 }
 #endif
 #endif
+const float LOBE = 4.5; // half the width of a rough reflection, by the square of the roughness
 // Radiance along a ray: of the scene, if it is seen there, or else of its surroundings. spread: angle between the rays of neighbouring pixels.
 vec3 seenAlong(vec3 place, vec3 way, float rough, float spread) {
   vec3 light = reflected(way, rough);
 #ifdef MIRRORS
   if (showsScene) {
-    float wide = max(spread, 2.0 * rough * rough);
+    float wide = max(spread, LOBE * rough * rough);
     float level = clamp(log2(max(${SIDE / 2}.0 * wide, 1e-3)), 0.0, 6.0);
     vec4 met = metAlong(place, way, rough);
     vec4 known = met.w * textureLod(mirrored, met.xyz, level);
@@ -237,7 +246,6 @@ vec2 environmentBrdf(float nv, float rough) {
   return vec2(-1.04, 1.04) * a + r.zw;
 }
 #ifdef RECTANGLES
-const float LOBE = 4.5; // half the width of a rough reflection, by the square of the roughness
 // Radiance of the lamps that are rectangles along a ray. open: as shadowsAt.
 vec3 lampsAlong(vec3 place, vec3 way, float rough, float spread, vec4 open) {
   vec3 light = vec3(0.0);

@@ -191,7 +191,12 @@ void main() {
   vec3 v = normalize(eye.xyz - eye.w * place);
   vec3 flatly = faceNormal(v);
   vec3 n = dot(facing, facing) > 0.01 ? normalize(facing) : flatly;
-  if (dot(n, flatly) < 0.0) n = -n;
+  if (dot(n, flatly) < 0.0) {
+    n = -n;
+#ifdef SHADOWS
+    if (pass == ${PASS.opaque} && !isBackSeen(gl_FragCoord.xy)) discard;
+#endif
+  }
   float rough = roughness;
   float metal = metallic;
   vec3 added = emission;

@@ -51,7 +51,7 @@ void main() {
   pixel = vec4(color * texture(image, texel).rgb, 1.0);
 }`;
 
-/** Normals of the surfaces that the camera sees, with edges and smoothed. */
+/** Normals of the surfaces that the camera sees, with edges and smoothed; and as alpha, 0 for back faces. */
 export const NORMAL_FRAGMENT = `#version 300 es
 precision highp float;
 ${HIDDEN_GLSL}
@@ -65,8 +65,9 @@ void main() {
   vec3 flatly = normalize(cross(dFdx(place), dFdy(place)));
   if (dot(flatly, normalize(eye.xyz - eye.w * place)) < 0.0) flatly = -flatly;
   vec3 n = dot(facing, facing) > 0.01 ? normalize(facing) : flatly;
-  if (dot(n, flatly) < 0.0) n = -n;
-  pixel = vec4(0.5 + 0.5 * edged(n, flatly), 1.0);
+  bool isBack = dot(n, flatly) < 0.0;
+  if (isBack) n = -n;
+  pixel = vec4(0.5 + 0.5 * edged(n, flatly), isBack ? 0.0 : 1.0);
   smoothed = vec4(0.5 + 0.5 * n, 1.0);
 }`;
 
@@ -123,6 +124,17 @@ bool pointAt(ivec2 pixel, float depth, out vec3 place, out vec3 n) {
   n = normalAt(pixel);
   return true;
 }
+// Slope of a surface's depth on the screen: that of a plane is the same everywhere.
+vec2 slopeOf(vec3 place, vec3 n) {
+  vec4 plane = vec4(n, -dot(n, place)) * fromClip;
+  return -plane.xy / (abs(plane.z) < 1e-6 ? 1e-6 : plane.z) / vec2(textureSize(seenDepth, 0));
+}
+// How far another pixel shows the surface that a pixel shows, of a depth, slope and normal. gap: difference of its depth from the surface's
+float alikeAt(ivec2 other, ivec2 pixel, float depth, vec2 slope, vec3 n, out float gap) {
+  float along = dot(slope, vec2(other - pixel));
+  gap = abs(texelFetch(seenDepth, other, 0).r - depth - along);
+  return gap < 0.005 * (1.0 - depth) + 1e-4 + 0.3 * abs(along) ? smoothstep(0.5, 0.95, dot(n, normalAt(other))) : 0.0;
+}
 bool point(out vec3 place, out vec3 n) {
   ivec2 pixel = pixelOf(ivec2(gl_FragCoord.xy));
   return pointAt(pixel, texelFetch(seenDepth, pixel, 0).r, place, n);
@@ -130,8 +142,8 @@ bool point(out vec3 place, out vec3 n) {
 #endif`;
 
 /**
- * Light of the environment that a point misses: that of the directions in which something else is seen, less what that reflects; and, as alpha, the
- * luminance of the light of all directions, shadowed or not. Their ratio is bounded however few the directions are.
+ * Light of the environment that a point misses: that of the directions in which something else is seen; and, as alpha, the luminance of the light of
+ * all directions, shadowed or not. Their ratio is bounded however few the directions are.
  */
 export const GATHER_FRAGMENT = `#version 300 es
 precision highp float;
@@ -150,6 +162,10 @@ uniform vec3 albedoY;
 uniform float halfHeight; // of the scene
 uniform bool isAlone; // only lamps light the scene, and what is seen in place of other light is an estimate
 layout(location = 0) out vec4 missed;
+layout(location = 1) out vec4 given; // what is seen in place of the light that is missed, if all light reaches it
+layout(location = 2) out vec2 away; // how far what hides the light is, weighted by the light, and the sum of the weights
+uniform sampler2D mapDepth; // the maps, without comparison
+uniform float depthRange; // of the maps, in the scene
 ${EDGED_GLSL}
 ${POINT_GLSL}
 // Mean albedo around a place. view: 0: from below, 1: from above.
@@ -160,12 +176,7 @@ vec3 albedoAt(vec3 place, float view, float level) {
   if (found.a < 0.04) found = textureLod(albedos, uv, 5.0); // it is beside the scene
   return isAlone ? vec3(1.0) : found.rgb / max(found.a, 1e-2);
 }
-#ifdef FLOOR
-layout(location = 2) out vec4 given; // what is seen in place of the light that is missed
-uniform sampler2D mapDepth; // the maps, without comparison
-uniform float depthRange; // of the maps, in the scene
-layout(location = 1) out vec2 away; // how far what hides the light is, weighted by the light, and the sum of the weights
-#else
+#ifndef FLOOR
 ${FLOOR_MAP_GLSL}
 uniform sampler2D seenSmoothed;
 uniform sampler2D floorReflected; // as GIVEN_FRAGMENT writes it
@@ -192,11 +203,8 @@ const float WITHIN = 0.75; // part of the light that comes from behind the surfa
 const float GRAZING = 0.1; // cosine to a triangle's normal from which all light reaches its points
 void main() {
   vec3 place, edge;
-  missed = vec4(0.0);
-#ifdef FLOOR
+  missed = given = vec4(0.0);
   away = vec2(0.0);
-  given = vec4(0.0);
-#endif
   if (!point(place, edge)) return;
 #ifdef FLOOR
   vec3 n = edge;
@@ -212,29 +220,31 @@ void main() {
     if (cosine <= 0.0) continue;
     vec4 from = vec4(place + texelSize * (1.5 * edge + ways[i]), 1.0);
     vec3 seen = vec3(dot(rows[3 * i], from), dot(rows[3 * i + 1], from), dot(rows[3 * i + 2], from));
-    float open = 1.0;
+    float open = 1.0, above = 1.0;
+#ifndef FLOOR
+    above = max(1.0 - bent, smoothstep(0.0, GRAZING, dot(edge, ways[i]))); // such a normal faces directions that are behind the surface
+#endif
     if (max(abs(seen.x), abs(seen.y)) < 0.995) {
       int tile = first + i;
       vec2 uv = (0.5 + 0.5 * seen.xy + vec2(tile % ${ACROSS}, tile / ${ACROSS})) / ${ACROSS}.0;
       float depth = clamp(0.5 + 0.5 * seen.z, 0.0, 1.0);
       open = texture(maps, vec3(uv, depth));
-#ifdef FLOOR
-      float hidden = cosine * (1.0 - open) * dot(colors[i], vec3(0.2126, 0.7152, 0.0722));
+      float hidden = cosine * (1.0 - open) * above * dot(colors[i], vec3(0.2126, 0.7152, 0.0722));
       if (hidden > 0.0) {
-        float far = depthRange * max(depth - texture(mapDepth, uv).r, 0.0);
+        float far = depthRange * max(depth - textureLod(mapDepth, uv, 0.0).r, 0.0);
         away += hidden * vec2(far, 1.0);
+#ifdef FLOOR
         given.rgb += cosine * (1.0 - open) * instead[i] * albedoAt(place + far * ways[i], 0.0, 2.0);
-      }
 #endif
+      }
     }
 #ifdef FLOOR
     vec3 lost = (1.0 - open) * colors[i];
 #else
-    float above = max(1.0 - bent, smoothstep(0.0, GRAZING, dot(edge, ways[i]))); // such a normal faces directions that are behind the surface
     open *= above;
     vec3 reflecting = isAlone ? groundAlong(place, ways[i], up) : mix(fromAbove, fromBelow, 0.5 + 0.5 * dot(up, ways[i]));
     vec3 lost = (1.0 - open) * colors[i];
-    if (!isFloor) lost -= (1.0 - open) * mix(WITHIN, 1.0, above) * instead[i] * reflecting;
+    if (!isFloor) given.rgb += cosine * (1.0 - open) * mix(WITHIN, 1.0, above) * instead[i] * reflecting;
     // A direction below the horizon sees the floor, whose shadow is missing from the light.
     if (dot(ways[i], floorPlane.xyz) < 0.0) lost += open * colors[i] * min(missedFrom(place, ways[i], SPREAD) / max(floorRadiance, vec3(1e-6)), 1.0);
 #endif
@@ -310,10 +320,61 @@ void main() {
   reflected = vec4(back / max(all.a, 1e-9), 1.0);
 }`;
 
+/**
+ * Light that what the camera sees misses, less what surfaces reflect in its place. These are about as open to the light as what they surround: in a
+ * cavity, they reflect little. The shadows of single directions are blurred until they join: the farther what casts them, the more.
+ */
+export const REFLECTED_FRAGMENT = `#version 300 es
+precision highp float;
+uniform sampler2D hidden; // as GATHER_FRAGMENT writes them
+uniform sampler2D given;
+uniform sampler2D hiddenAway;
+uniform bool isAlone; // as there: the light around is what surfaces reflect
+uniform float softness; // half the angle between neighbouring directions
+uniform float most; // light that the blur may move: what casts a shadow can be nearer than the maps show
+uniform mat4 toClip;
+out vec4 missed;
+${POINT_GLSL}
+const float OPEN = 0.45; // part of the light that reaches a point from which all of it reaches the surfaces around; chosen by comparison with path-traced pictures
+const int TAPS = 16;
+const float WIDEST = 2.0, MOST_PIXELS = 24.0; // reach of the blur, in widths of a shadow, and at most
+void main() {
+  ivec2 texel = ivec2(gl_FragCoord.xy), pixel = pixelOf(texel), last = textureSize(hidden, 0) - 1;
+  missed = texelFetch(hidden, texel, 0);
+  vec3 back = texelFetch(given, texel, 0).rgb, place, n;
+  vec2 away = texelFetch(hiddenAway, texel, 0).rg;
+  float depth = texelFetch(seenDepth, pixel, 0).r;
+  if (!pointAt(pixel, depth, place, n)) return;
+  float perUnit = 0.5 * float(textureSize(seenDepth, 0).x) * length(vec3(toClip[0][0], toClip[1][0], toClip[2][0])) / (toClip * vec4(place, 1.0)).w; // pixels
+  float wide = min(WIDEST * softness * away.x / max(away.y, 1e-9) * perUnit, MOST_PIXELS);
+  if (step == 1 && wide > 1.0) { // coarsely, the points are blurred anyway
+    vec2 slope = slopeOf(place, n);
+    vec4 all = missed;
+    vec3 allBack = back;
+    vec2 allAway = away;
+    float total = 1.0, gap;
+    for (int i = 0; i < TAPS; i++) {
+      float turn = 2.399963 * float(i), share = (float(i) + 0.5) / float(TAPS); // a spiral by the golden angle
+      ivec2 tap = clamp(texel + ivec2(round(wide * sqrt(share) * vec2(cos(turn), sin(turn)))), ivec2(0), last);
+      float weight = exp(-2.0 * share) * alikeAt(pixelOf(tap), pixel, depth, slope, n, gap);
+      if (weight == 0.0) continue;
+      all += weight * texelFetch(hidden, tap, 0);
+      allBack += weight * texelFetch(given, tap, 0).rgb;
+      allAway += weight * texelFetch(hiddenAway, tap, 0).rg;
+      total += weight;
+    }
+    float part = min(most / max(abs(dot(all.rgb / total - missed.rgb, vec3(0.2126, 0.7152, 0.0722))), 1e-9), 1.0);
+    missed = mix(missed, all / total, part);
+    back = mix(back, allBack / total, part);
+    away = mix(away, allAway / total, part);
+  }
+  missed.rgb -= (isAlone ? 1.0 : smoothstep(0.0, OPEN, 1.0 - away.y / max(missed.a, 1e-9))) * back;
+}`;
+
 /** Blurs what is missed along a surface, and divides it by the light of all directions. */
 export const SMOOTH_FRAGMENT = `#version 300 es
 precision highp float;
-uniform sampler2D raw; // as GATHER_FRAGMENT writes it
+uniform sampler2D raw; // as REFLECTED_FRAGMENT writes it
 out vec4 missed;
 ${POINT_GLSL}
 void main() {
@@ -322,10 +383,7 @@ void main() {
   vec3 place, n;
   missed = vec4(0.0);
   if (!pointAt(pixel, depth, place, n)) return;
-  // Slope of the surface's depth on the screen: that of a plane is the same everywhere.
-  vec4 plane = vec4(n, -dot(n, place)) * fromClip;
-  vec2 slope = -plane.xy / (abs(plane.z) < 1e-6 ? 1e-6 : plane.z) / vec2(textureSize(seenDepth, 0));
-  float slack = 0.005 * (1.0 - depth) + 1e-4;
+  vec2 slope = slopeOf(place, n);
   vec2 at = vec2(pixel - step / 2) / float(step);
   ivec2 corner = ivec2(floor(at)) - 1;
   vec4 sum = vec4(0.0);
@@ -334,9 +392,7 @@ void main() {
     vec2 near = 2.0 - abs(vec2(texel) - at);
     texel = clamp(texel, ivec2(0), textureSize(raw, 0) - 1);
     ivec2 other = pixelOf(texel);
-    float along = dot(slope, vec2(other - pixel));
-    float gap = abs(texelFetch(seenDepth, other, 0).r - depth - along);
-    float alike = gap < slack + 0.3 * abs(along) ? smoothstep(0.5, 0.95, dot(n, normalAt(other))) : 0.0;
+    float gap, alike = alikeAt(other, pixel, depth, slope, n, gap);
     sum += near.x * near.y * (alike + 1e-5 / (1.0 + 1e3 * gap)) * texelFetch(raw, texel, 0);
   }
   missed = vec4(sum.rgb / max(sum.a, 1e-9), 1.0);

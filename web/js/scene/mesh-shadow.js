@@ -14,7 +14,7 @@ import { FLOOR_VERTEX } from "./mesh-backdrop-shader.js";
 import { VERTEX } from "./mesh-shader.js";
 import { BASE, ShadowMaps } from "./mesh-shadow-maps.js";
 import { VIEW_DEPTH, VIEW_TEXEL, albedoAxes, extentOf, floorMap, placeOf, radiusOf } from "./mesh-shadow-places.js";
-import { FLOOR_NORMAL_FRAGMENT, GATHER_FRAGMENT, GATHER_VERTEX, GIVEN_FRAGMENT, LAMPS_FRAGMENT, NORMAL_FRAGMENT, SMOOTH_FRAGMENT, TILES, TOGETHER } from "./mesh-shadow-shader.js";
+import { FLOOR_NORMAL_FRAGMENT, GATHER_FRAGMENT, GATHER_VERTEX, GIVEN_FRAGMENT, LAMPS_FRAGMENT, NORMAL_FRAGMENT, REFLECTED_FRAGMENT, SMOOTH_FRAGMENT, TILES, TOGETHER } from "./mesh-shadow-shader.js";
 import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
@@ -31,10 +31,12 @@ import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
 const [GIVEN, GIVEN_POWER] = [1.2, 0.7];
 /** Half the angle between neighbouring ones of all directions, about. */
 const APART = 0.09;
+/** Light that the blur of shadows may move, in that of a direction. */
+const MOST_BLURRED = 0.5;
 /** Share of the surrounding light that remains where surfaces block it, if that light only estimates what surfaces reflect. */
 const REFLECTED = 0.6;
-/** Texture units; those of the mesh are below. */
-const UNITS = { maps: 9, seenDepth: 10, seenNormal: 11, missed: 12, open: 13, floorMissed: 14, floorAway: 15 };
+/** Texture units; those of the mesh are below, of which one is free while nothing is drawn. */
+const UNITS = { mapDepth: 5, maps: 9, seenDepth: 10, seenNormal: 11, missed: 12, open: 13, floorMissed: 14, floorAway: 15 };
 /** Pixels of the view above which shadows are computed for every other one along a side. */
 const MANY_PIXELS = 500_000;
 /** Pixels along a side for which the coarse shadows are computed once. */
@@ -54,7 +56,8 @@ const SLACK = 1e-4;
 
 /** @typedef {(name: string) => WebGLUniformLocation | null} At */
 /** What a frame of shadows is drawn for. @typedef {{mesh: MeshPacket, tables: LightTables, lamps: Lamp[], above: Vec3 | null, isAlone: boolean, drawPart: (part: MeshPart, material: MeshMaterial, at: At) => void}} Subject isAlone: whether only lamps light it. above: up in the scene, if it stands on a floor */
-/** What the camera sees, with normals as EDGED_GLSL has them and smoothed ones, and the light that misses it: added up coarsely and finely, and smoothed. @typedef {{width: number, height: number, depth: WebGLTexture, normal: WebGLTexture, smoothed: WebGLTexture, coarse: WebGLTexture, fine: WebGLTexture, missed: WebGLTexture, open: WebGLTexture}} Seen */
+/** What the camera sees, with normals as EDGED_GLSL has them and smoothed ones, and the light that misses it: added up coarsely and finely, and smoothed. @typedef {{width: number, height: number, depth: WebGLTexture, normal: WebGLTexture, smoothed: WebGLTexture, coarse: Gathered, fine: Gathered, missed: WebGLTexture, open: WebGLTexture}} Seen */
+/** The light that is hidden from points, what surfaces reflect in its place, how far these are, and what remains missing. @typedef {{hidden: WebGLTexture, given: WebGLTexture, away: WebGLTexture, missed: WebGLTexture}} Gathered */
 /** Textures of the floor's map: the light that it misses, and how far what shadows it is; and of what these are computed from, the light that is hidden, that which is reflected in its place, and the parts of the lamps' light. @typedef {{missed: WebGLTexture, away: WebGLTexture, hidden: WebGLTexture, given: WebGLTexture, open: WebGLTexture, reflected: WebGLTexture}} Floor */
 
 export class MeshShadows {
@@ -184,10 +187,11 @@ export class MeshShadows {
   /** @param {number} width @param {number} height */
   resize(width, height) {
     const { gl } = this;
-    if (this.seen) for (const texture of [this.seen.depth, this.seen.normal, this.seen.smoothed, this.seen.coarse, this.seen.fine, this.seen.missed, this.seen.open]) gl.deleteTexture(texture);
+    if (this.seen) for (const texture of Object.values(this.seen).flatMap((each) => (each instanceof WebGLTexture ? each : typeof each === "object" ? Object.values(each) : []))) gl.deleteTexture(texture);
     gl.activeTexture(gl.TEXTURE0 + UNITS.missed);
     const colors = (/** @type {number} */ format, share = 1) => colorTarget(gl, Math.ceil(width / share), Math.ceil(height / share), format);
-    this.seen = { width, height, depth: depthTarget(gl, width, height, gl.DEPTH_COMPONENT24), normal: colors(gl.RGBA8), smoothed: colors(gl.RGBA8), coarse: colors(gl.RGBA16F, COARSE), fine: colors(gl.RGBA16F), missed: colors(gl.RGBA16F), open: colors(gl.RGBA8) };
+    const gathered = (share = 1) => ({ hidden: colors(gl.RGBA16F, share), given: colors(gl.RGBA16F, share), away: colors(gl.RG16F, share), missed: colors(gl.RGBA16F, share) });
+    this.seen = { width, height, depth: depthTarget(gl, width, height, gl.DEPTH_COMPONENT24), normal: colors(gl.RGBA8), smoothed: colors(gl.RGBA8), coarse: gathered(COARSE), fine: gathered(), missed: colors(gl.RGBA16F), open: colors(gl.RGBA8) };
   }
 
   /** Draws depth and normals of what the camera sees. @param {number[]} eye */
@@ -262,7 +266,7 @@ export class MeshShadows {
     const { maps, floor, subject } = this;
     if (!maps || !floor || !subject?.above) return;
     this.clearFloor();
-    for (let first = 0; first < maps.drawn; first += TOGETHER) this.gather(floor.hidden, first, 0);
+    for (let first = 0; first < maps.drawn; first += TOGETHER) this.gather(floor, first, 0);
     this.onFloor = maps.drawn;
     if (subject.lamps.some(({ far }) => far)) this.gatherLamps(floor.open, 0);
     this.mipmap(floor.hidden, floor.away, floor.given, floor.open);
@@ -309,7 +313,7 @@ export class MeshShadows {
   gatherFirst() {
     const { maps, seen } = this;
     if (!maps || !seen) return;
-    this.clear(seen.coarse, 0);
+    this.clearGathered(seen.coarse);
     for (let first = 0; first < Math.min(maps.drawn, FIRST_TILES); first += TOGETHER) this.gather(seen.coarse, first, COARSE);
     this.smooth(seen.coarse, COARSE);
   }
@@ -318,20 +322,27 @@ export class MeshShadows {
   gatherMore() {
     const { seen } = this;
     if (!seen) return;
-    if (!this.fine) this.clear(seen.fine, 0);
+    if (!this.fine) this.clearGathered(seen.fine);
     this.gather(seen.fine, this.fine, 1, SLICE);
     this.fine = Math.min(this.fine + SLICE, this.samples.length);
   }
 
-  /** Adds up what the light of some directions misses. @param {WebGLTexture} target @param {number} first @param {number} step pixels that a texel of the target stands for; 0: it is the floor's map @param {number} [most] directions, TOGETHER at most */
+  /** Adds up what the light of some directions misses. @param {Pick<Gathered, "hidden" | "given" | "away">} target @param {number} first @param {number} step pixels that a texel of the target stands for; 0: it is the floor's map @param {number} [most] directions, TOGETHER at most */
   gather(target, first, step, most = TOGETHER) {
     const { gl, maps, samples, seen, subject } = this;
     const linked = this.program(GATHER_VERTEX, GATHER_FRAGMENT, step ? [] : ["FLOOR"]);
     if (!maps || !linked || !subject) return;
     const { at } = linked;
     const last = Math.min(first + most, maps.drawn);
-    this.beginPoints(linked, target, step);
+    this.beginPoints(linked, target.hidden, step);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, gl.TEXTURE_2D, target.given, 0);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT2, gl.TEXTURE_2D, target.away, 0);
+    gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1, gl.COLOR_ATTACHMENT2]);
     maps.bind(UNITS.maps, maps.directions);
+    maps.bind(UNITS.mapDepth, maps.directions);
+    gl.bindSampler(UNITS.mapDepth, maps.uncompared);
+    gl.uniform1i(at("mapDepth"), UNITS.mapDepth);
+    gl.uniform1f(at("depthRange"), 2 * radiusOf(subject.mesh));
     gl.uniform1i(at("first"), first);
     gl.uniform1i(at("count"), last - first);
     gl.uniform1f(at("texelSize"), maps.texelSize);
@@ -352,44 +363,46 @@ export class MeshShadows {
       bindTexture(gl, UNITS.floorAway, this.floor?.reflected ?? null);
       gl.uniform1i(at("seenSmoothed"), UNITS.open);
       bindTexture(gl, UNITS.open, seen?.smoothed ?? null);
-    } else this.addFloor(at);
+    }
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.disable(gl.BLEND);
     gl.enable(gl.DEPTH_TEST);
-    if (step) return;
-    gl.bindSampler(UNITS.seenNormal, null);
+    gl.bindSampler(UNITS.mapDepth, null);
     for (const each of [gl.COLOR_ATTACHMENT1, gl.COLOR_ATTACHMENT2]) gl.framebufferTexture2D(gl.FRAMEBUFFER, each, gl.TEXTURE_2D, null, 0);
     gl.drawBuffers([gl.COLOR_ATTACHMENT0]);
   }
 
-  /** Adds to what is gathered the distance of what shadows the floor, from the depths themselves, and what that reflects. @param {At} at */
-  addFloor(at) {
-    const { gl, maps, floor, subject } = this;
-    if (!maps || !floor || !subject) return;
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, gl.TEXTURE_2D, floor.away, 0);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT2, gl.TEXTURE_2D, floor.given, 0);
-    gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1, gl.COLOR_ATTACHMENT2]);
-    maps.bind(UNITS.seenNormal, maps.directions);
-    gl.bindSampler(UNITS.seenNormal, maps.uncompared);
-    gl.uniform1i(at("mapDepth"), UNITS.seenNormal);
-    gl.uniform1f(at("depthRange"), 2 * radiusOf(subject.mesh));
+  /** @param {Gathered} gathered */
+  clearGathered({ hidden, given, away }) {
+    for (const each of [hidden, given, away]) this.clear(each, 0);
   }
 
   clearFloor() {
     for (const texture of Object.values(this.floor ?? {})) this.clear(texture, 0);
   }
 
-  /** Blurs the light that was added up along the surfaces that the camera sees. @param {WebGLTexture} raw @param {number} step pixels that a texel of it stands for */
-  smooth(raw, step) {
-    const { gl, seen } = this;
-    const linked = this.program(GATHER_VERTEX, SMOOTH_FRAGMENT);
-    if (!seen || !linked) return;
+  /** Computes the light that what the camera sees misses, and blurs it along the surfaces. @param {Gathered} gathered @param {number} step pixels that a texel of it stands for */
+  smooth(gathered, step) {
+    const { gl, samples, seen, subject } = this;
+    const [reflected, linked] = [this.program(GATHER_VERTEX, REFLECTED_FRAGMENT), this.program(GATHER_VERTEX, SMOOTH_FRAGMENT)];
+    if (!seen || !subject || !reflected || !linked) return;
+    this.beginPoints(reflected, gathered.missed, step);
+    gl.uniform1i(reflected.at("isAlone"), subject.isAlone ? 1 : 0);
+    gl.uniform1i(reflected.at("hidden"), UNITS.missed);
+    bindTexture(gl, UNITS.missed, gathered.hidden);
+    gl.uniform1i(reflected.at("given"), UNITS.open);
+    bindTexture(gl, UNITS.open, gathered.given);
+    gl.uniform1i(reflected.at("hiddenAway"), UNITS.floorAway);
+    bindTexture(gl, UNITS.floorAway, gathered.away);
+    gl.uniform1f(reflected.at("most"), MOST_BLURRED * luminance(...(samples[0]?.color ?? [0, 0, 0])));
+    gl.uniform1f(reflected.at("softness"), APART);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
     this.beginPoints(linked, seen.missed, 1);
     gl.uniform1i(linked.at("step"), step);
     gl.uniform1i(linked.at("raw"), UNITS.missed);
-    bindTexture(gl, UNITS.missed, raw);
+    bindTexture(gl, UNITS.missed, gathered.missed);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.enable(gl.DEPTH_TEST);
   }
