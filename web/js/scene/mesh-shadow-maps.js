@@ -115,9 +115,12 @@ export class ShadowMaps {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
     gl.uniform1f(linked.at("threshold"), 0.5);
+    const [{ above, height }, radius] = [floorMap(subject), radiusOf(subject.mesh)];
+    gl.uniform3fv(linked.at("above"), above);
     for (const view of [0, 1]) {
-      const away = floorMap(subject).above.map((value) => ((view ? -1 : 1) * value) / radiusOf(subject.mesh));
+      const away = above.map((value) => ((view ? -1 : 1) * value) / radius);
       gl.viewport((view * FLOOR_TEXELS) / 2, 0, FLOOR_TEXELS / 2, FLOOR_TEXELS / 2);
+      gl.uniform1f(linked.at("top"), view || subject.isAlone ? -2 * radius : height + BASE * radius);
       this.drawSolids(linked, matrixOf([...across, away].flatMap((axis) => [...axis, 0])), opacityOf);
     }
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, null, 0);

@@ -375,6 +375,8 @@ export class MeshShadows {
     gl.bindSampler(UNITS.seenNormal, maps.uncompared);
     gl.uniform1i(at("mapDepth"), UNITS.seenNormal);
     gl.uniform1f(at("depthRange"), 2 * radiusOf(subject.mesh));
+    gl.uniform1i(at("under"), UNITS.open);
+    maps.bind(UNITS.open, maps.sides);
   }
 
   clearFloor() {
