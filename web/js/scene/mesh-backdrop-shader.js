@@ -31,17 +31,16 @@ void main() {
   vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
   vec4 lacking = lackingAt(uv, 0.0);
   float slack = fwidth(gl_FragCoord.z);
-  vec3 missed = lacking.rgb;
+  vec3 missed = vec3(0.0);
   vec4 open = vec4(1.0);
 #ifdef LAMPS
   bool isNear = true;
 #else
   bool isNear = lacking.a < NARROW; // most of the floor has no shadow, or a wide one
 #endif
-  if (isNear) {
-    shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, floorPlane.xyz, missed, open);
-    missed *= dot(floorRadiance, LUMINANCE);
-  }
+  if (isNear) shadowsAt(gl_FragCoord.xy, gl_FragCoord.z, slack, floorPlane.xyz, missed, open);
+  missed *= dot(floorRadiance, LUMINANCE);
+  missed = mix(missed, lacking.rgb, smoothstep(0.0, NARROW, lacking.a));
   vec3 color = max(floorRadiance - missed, 0.0);
   float shown = 1.0;
 #ifdef LAMPS

@@ -40,17 +40,33 @@ export const LAMP_DEPTH_FRAGMENT = DEPTH_FRAGMENT.replace("uniform float thresho
   if (isHidden())`,
 );
 
-/** Albedo of the scene, without sheets that lie on the floor: from below, these would hide what stands on them. */
-export const ALBEDO_FRAGMENT = `#version 300 es
-precision highp float;
-${HIDDEN_GLSL}
+/** Finds what lies on the floor and faces upward, such as a sheet or the top of a plate. */
+const LYING_GLSL = `
 in vec3 facing;
 uniform vec3 above; // normal of the floor
 uniform float top; // height up to which what faces upward lies on it
+bool isLying() {
+  bool isUpward = dot(facing, facing) > 0.01 ? dot(facing, above) > 0.0 : gl_FrontFacing;
+  return isUpward && dot(place, above) < top;
+}`;
+
+/** Depth of what lies on the floor. */
+export const BASE_FRAGMENT = `#version 300 es
+precision highp float;
+${HIDDEN_GLSL}
+${LYING_GLSL}
+void main() {
+  if (isHidden() || !isLying()) discard;
+}`;
+
+/** Albedo of the scene, without what lies on the floor: from below, a sheet would hide what stands on it. */
+export const ALBEDO_FRAGMENT = `#version 300 es
+precision highp float;
+${HIDDEN_GLSL}
+${LYING_GLSL}
 out vec4 pixel;
 void main() {
-  bool isUpward = dot(facing, facing) > 0.01 ? dot(facing, above) > 0.0 : gl_FrontFacing;
-  if (isHidden() || (isUpward && dot(place, above) < top)) discard;
+  if (isHidden() || isLying()) discard;
   vec3 color = mix(shown.rgb / 12.92, pow((shown.rgb + 0.055) / 1.055, vec3(2.4)), greaterThan(shown.rgb, vec3(0.04045)));
   pixel = vec4(color * texture(image, texel).rgb, 1.0);
 }`;
@@ -172,7 +188,7 @@ uniform float depthRange; // of the maps, in the scene
 layout(location = 1) out vec2 away; // how far what hides the light is, weighted by the light, and the sum of the weights
 uniform sampler2D under; // depth of the scene from below, in a quarter
 const float COVERED = 0.02; // weight of floor inside what stands on it, which would darken the floor beside that
-const float STANDING = 0.004; // height up to which something stands on the floor, in parts of the maps' depth
+const float STANDING = 0.014; // height up to which something stands on the floor, in parts of the maps' depth
 // Whether something stands on the floor at a place.
 bool isStood(vec3 place) {
   vec2 uv = 0.5 + vec2(dot(place, albedoX), dot(place, albedoY));
@@ -195,11 +211,11 @@ vec3 groundAlong(vec3 place, vec3 way, vec3 up) {
 }
 #endif
 #ifndef FLOOR
-// Light that a point of the floor misses, from what is hidden there: less what surfaces reflect onto it, and as the map has it where the shadow is wide. Both in proportion to the luminance of all light.
+// Light that a point of the floor misses, from what is hidden there: less what surfaces reflect onto it, and as the map has it where the shadow is wide (of the studio.s floor, FLOOR_FRAGMENT does that before). Both in proportion to the luminance of all light.
 vec3 missedOnFloor(vec3 place, vec3 hidden) {
   vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
   vec4 known = textureLod(floorMissed, uv, 0.0);
-  return mix(hidden - textureLod(floorReflected, uv, 0.0).rgb, known.rgb, smoothstep(0.0, NARROW, known.a));
+  return mix(hidden - textureLod(floorReflected, uv, 0.0).rgb, known.rgb, smoothstep(NARROW, 2.0 * NARROW, known.a));
 }
 #endif
 const float WITHIN = 0.75; // part of the light that comes from behind the surface, compared with that of other surfaces
