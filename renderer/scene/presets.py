@@ -91,14 +91,16 @@ def _uniform_radiance() -> np.ndarray:
 
 
 def _overcast() -> np.ndarray:
-    """Returns the CIE overcast sky (CIE S 011, type 1), over a ground of albedo 0.2.
+    """Returns the CIE overcast sky (CIE S 011, type 1), over a ground of albedo 0.2 that haze blends into the sky at the horizon.
 
-    Radiance above the horizon: (1 + 2 sin elevation) / 3 of that at the zenith.
+    Radiance above the horizon: (1 + 2 sin elevation) / 3 of that at the zenith. The haze is no part of the standard: without it,
+    the end of the studio's floor would be seen before a dark band.
     """
     _, elevation = _angles()
     up = np.sin(elevation)
     zenith = 9 / 7  # gives horizontal ground the irradiance of a uniform sky of radiance 1
-    return np.where(up > 0, zenith * (1 + 2 * up) / 3, 0.2)
+    ground = 0.2 + (zenith / 3 - 0.2) * np.exp(4 * np.minimum(up, 0))
+    return np.where(up > 0, zenith * (1 + 2 * up) / 3, ground)
 
 
 _IMAGES: dict[str, Callable[[], np.ndarray]] = {

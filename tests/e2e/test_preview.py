@@ -308,6 +308,33 @@ def test_first_shadow_of_a_preview_is_slightly_tinted_and_without_steps(farm: Fa
 
 
 @pytest.mark.long
+def test_sheet_below_a_red_body_is_tinted_in_a_preview(farm: Farm, watched: Watched) -> None:
+    """A white sheet receives the red of the cube that stands on it, as the studio's floor does, and not its own colour."""
+    page = watched.page
+    page.goto(farm.url)
+    sheet = "".join(f"v {x} 0 {z} 0.9 0.9 0.9\n" for x, z in ((-3, -3), (-3, 3), (3, 3), (3, -3))) + "f 1 2 3 4\n"
+    red = "".join(f"{line} 0.8 0.02 0.02\n" for line in CUBE.splitlines() if line.startswith("v"))
+    faces = [line.split()[1:] for line in CUBE.splitlines() if line.startswith("f")]
+    red += "".join(f"f {' '.join(str(int(corner) + 4) for corner in face)}\n" for face in faces)
+    for is_refined in (False, True):
+        beside, away = page.evaluate(DRAW_CUBE, [sheet + red, [[-1.3, 0, 0], [-2.5, 0, 2.5]], is_refined])
+        assert beside[0] > beside[1] + 6, f"{beside}"
+        assert away[0] <= away[1] + 3, f"{away}"
+    assert watched.errors == []
+
+
+@pytest.mark.long
+def test_upright_sheet_lights_the_floor_of_a_preview(farm: Farm, watched: Watched) -> None:
+    """Before a sheet that faces the key light, the floor is hardly darker than elsewhere: the sheet reflects light onto it."""
+    page = watched.page
+    page.goto(farm.url)
+    sheet = "v -1 0 0\nv 1 0 0\nv 1 2 0\nv -1 2 0\nf 1 2 3 4\n"
+    near, away = page.evaluate(DRAW_CUBE, [sheet, [[0, 0, 0.5], [-2.5, 0, 2.5]], True])
+    assert away[1] - 12 < near[1] <= away[1]
+    assert watched.errors == []
+
+
+@pytest.mark.long
 def test_box_with_smoothed_normals_has_sharp_edges_in_a_preview(farm: Farm, watched: Watched) -> None:
     """Normals that point away from the middle of a cube, as in old FBX files, do not blur its edges."""
     page = watched.page

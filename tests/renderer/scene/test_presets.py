@@ -41,6 +41,14 @@ def test_overcast_sky_irradiance():
     assert sky[0, 0] / sky[127, 0] == pytest.approx(3, rel=0.02)  # zenith to horizon
 
 
+@grid("name", ["studio", "overcast"])
+def test_no_band_is_seen_beyond_the_floor(name):
+    # The studio's floor ends 30 diagonals of the scene away: 2 degrees below the horizon of a camera one diagonal above it.
+    rows = np.median(preset_image(name)[..., 0], axis=1)  # of 0.7 degrees
+    assert rows[128:131] == pytest.approx(np.full(3, rows[127]), rel=0.15)
+    assert rows[-1] < 0.6 * rows[127]
+
+
 def test_studio_key_light_is_on_the_left():
     image = preset_image("studio")[..., 0]
     y, x = np.unravel_index(image.argmax(), image.shape)

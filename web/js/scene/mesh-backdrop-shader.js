@@ -27,7 +27,6 @@ ${SHADOWS_GLSL}
 ${TONEMAP_GLSL}
 in vec3 place;
 out vec4 pixel;
-const float NARROW = 2.0; // texels of the floor's map, up to which shadows are sharper than it
 void main() {
   vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
   vec4 lacking = lackingAt(uv, 0.0);

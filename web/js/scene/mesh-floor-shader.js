@@ -13,6 +13,7 @@ uniform float floorAlbedo;
 uniform vec3 floorRadiance; // where nothing is in the light's way
 const float FLOOR_TEXELS = ${FLOOR_TEXELS}.0;
 const vec2 FAINT = vec2(0.0, 0.01); // part of the light below which a shadow is that of a single direction, far from what casts it
+const float NARROW = 2.0; // width in texels up to which shadows are sharper than the map
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 // Radiance that the floor lacks at a point of its map, and the width of its shadow.
 vec4 lackingAt(vec2 uv, float level) {

@@ -95,6 +95,7 @@ in vec3 place;
 in vec4 shown;
 out vec4 pixel;
 const float SHARPER = -1.0; // bias of the level of detail: coarse mipmaps mix colours that are neighbours in a texture but not on the surface
+const float BLURRED = 1.0; // the same in mirrors: those that are curved magnify the edges of a texture, which would be jagged
 const float SOLID = 0.98; // opacity from which blended surfaces are drawn with the opaque ones
 bool isHidden(float opacity) {
   return (alphaMode == 1 && opacity < cutoff) || (alphaMode == 2 && (pass == ${PASS.blend}) == (opacity >= SOLID));
@@ -185,7 +186,7 @@ vec3 transmitted(vec3 n, vec3 v, float rough) {
 }
 #endif
 void main() {
-  vec4 base = texture(image, texel, SHARPER);
+  vec4 base = texture(image, texel, isForMirrors ? BLURRED : SHARPER);
   base = vec4(srgbDecode(shown.rgb) * base.rgb, shown.a * base.a);
   if (alphaMode != 0 && isHidden(base.a)) discard;
   vec3 v = normalize(eye.xyz - eye.w * place);

@@ -3,7 +3,7 @@
 import { FLOOR_TEXELS } from "./mesh-floor-shader.js";
 import { VERTEX } from "./mesh-shader.js";
 import { albedoAxes, boxOf, extentOf, floorMap, lampTilesOf, matrixOf, placeOf, radiusOf, rowsTowards } from "./mesh-shadow-places.js";
-import { ACROSS, ALBEDO_FRAGMENT, DEPTH_FRAGMENT, LAMP_DEPTH_FRAGMENT } from "./mesh-shadow-shader.js";
+import { ACROSS, ALBEDO_FRAGMENT, BASE_FRAGMENT, DEPTH_FRAGMENT, LAMP_DEPTH_FRAGMENT } from "./mesh-shadow-shader.js";
 import { bindTexture, colorTarget, depthTarget } from "./mesh-targets.js";
 
 /** @typedef {import("../news/mesh-packet.js").Lamp} Lamp */
@@ -115,9 +115,12 @@ export class ShadowMaps {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
     gl.uniform1f(linked.at("threshold"), 0.5);
+    const [{ above, height }, radius] = [floorMap(subject), radiusOf(subject.mesh)];
+    gl.uniform3fv(linked.at("above"), above);
     for (const view of [0, 1]) {
-      const away = floorMap(subject).above.map((value) => ((view ? -1 : 1) * value) / radiusOf(subject.mesh));
+      const away = above.map((value) => ((view ? -1 : 1) * value) / radius);
       gl.viewport((view * FLOOR_TEXELS) / 2, 0, FLOOR_TEXELS / 2, FLOOR_TEXELS / 2);
+      gl.uniform1f(linked.at("top"), view || subject.isAlone ? -2 * radius : height + BASE * radius);
       this.drawSolids(linked, matrixOf([...across, away].flatMap((axis) => [...axis, 0])), opacityOf);
     }
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, null, 0);
@@ -128,11 +131,13 @@ export class ShadowMaps {
   /** Draws what lies on the floor, as it is seen from above. */
   drawBase() {
     const { gl, subject } = this;
-    const linked = subject && this.target(this.base, FLOOR_TEXELS, true);
+    const linked = subject && this.target(this.base, FLOOR_TEXELS, true, BASE_FRAGMENT);
     if (!linked) return;
     const { above, height, floorX, floorY } = floorMap(subject);
     const thick = BASE * radiusOf(subject.mesh);
     gl.uniform1f(linked.at("threshold"), 0.5);
+    gl.uniform3fv(linked.at("above"), above);
+    gl.uniform1f(linked.at("top"), height + thick);
     // From the near plane at its top to the far one on the floor.
     const rows = [[...floorX.map((value) => 2 * value), 0], [...floorY.map((value) => 2 * value), 0], [...above.map((value) => (-2 * value) / thick), 1 + (2 * height) / thick]].flat();
     const toBase = matrixOf(rows);

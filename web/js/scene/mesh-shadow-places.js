@@ -97,9 +97,9 @@ export function floorMap({ mesh, above }) {
   /** @param {number} i @param {number} value @returns {Vec3} */
   const onAxis = (i, value) => /** @type {Vec3} */ ([0, 1, 2].map((each) => (each === i % 3 ? value : 0)));
   const height = -(extent[axis] ?? 0) / 2;
-  const [alongX, alongY] = [onAxis(axis + 1, side), onAxis(axis + 2, side)];
+  const [alongX, alongY] = [onAxis(axis + 1, side), onAxis(axis + 2, sign * side)]; // their cross product is upward
   const corner = onAxis(axis, sign * height).map((value, i) => value - ((alongX[i] ?? 0) + (alongY[i] ?? 0)) / 2);
-  return { corner, alongX, alongY, above: onAxis(axis, sign), height, floorX: onAxis(axis + 1, 1 / side), floorY: onAxis(axis + 2, 1 / side) };
+  return { corner, alongX, alongY, above: onAxis(axis, sign), height, floorX: onAxis(axis + 1, 1 / side), floorY: onAxis(axis + 2, sign / side) };
 }
 
 /** Distance of a lamp, in radii of the scene, from which one tile shows the whole scene. */

@@ -40,13 +40,33 @@ export const LAMP_DEPTH_FRAGMENT = DEPTH_FRAGMENT.replace("uniform float thresho
   if (isHidden())`,
 );
 
-/** Albedo of the scene. */
+/** Finds what lies on the floor and faces upward, such as a sheet or the top of a plate. */
+const LYING_GLSL = `
+in vec3 facing;
+uniform vec3 above; // normal of the floor
+uniform float top; // height up to which what faces upward lies on it
+bool isLying() {
+  bool isUpward = dot(facing, facing) > 0.01 ? dot(facing, above) > 0.0 : gl_FrontFacing;
+  return isUpward && dot(place, above) < top;
+}`;
+
+/** Depth of what lies on the floor. */
+export const BASE_FRAGMENT = `#version 300 es
+precision highp float;
+${HIDDEN_GLSL}
+${LYING_GLSL}
+void main() {
+  if (isHidden() || !isLying()) discard;
+}`;
+
+/** Albedo of the scene, without what lies on the floor: from below, a sheet would hide what stands on it. */
 export const ALBEDO_FRAGMENT = `#version 300 es
 precision highp float;
 ${HIDDEN_GLSL}
+${LYING_GLSL}
 out vec4 pixel;
 void main() {
-  if (isHidden()) discard;
+  if (isHidden() || isLying()) discard;
   vec3 color = mix(shown.rgb / 12.92, pow((shown.rgb + 0.055) / 1.055, vec3(2.4)), greaterThan(shown.rgb, vec3(0.04045)));
   pixel = vec4(color * texture(image, texel).rgb, 1.0);
 }`;
@@ -168,15 +188,25 @@ uniform sampler2D mapDepth; // the maps, without comparison
 uniform float depthRange; // of the maps, in the scene
 ${EDGED_GLSL}
 ${POINT_GLSL}
+const vec3 USUAL = vec3(0.6); // albedo of what is seen from neither side: of vertical sheets
 // Mean albedo around a place. view: 0: from below, 1: from above.
 vec3 albedoAt(vec3 place, float view, float level) {
   vec2 uv = clamp(0.5 + vec2(dot(place, albedoX), dot(place, albedoY)), 0.05, 0.95);
   uv = 0.5 * (uv + vec2(view, 0.0));
   vec4 found = textureLod(albedos, uv, level);
   if (found.a < 0.04) found = textureLod(albedos, uv, 5.0); // it is beside the scene
-  return isAlone ? vec3(1.0) : found.rgb / max(found.a, 1e-2);
+  return isAlone ? vec3(1.0) : mix(USUAL, found.rgb / max(found.a, 1e-3), smoothstep(0.0, 0.004, found.a));
 }
-#ifndef FLOOR
+#ifdef FLOOR
+uniform sampler2D under; // depth of the scene from below, in a quarter
+const float COVERED = 0.02; // weight of floor inside what stands on it, which would darken the floor beside that
+const float STANDING = 0.014; // height up to which something stands on the floor, in parts of the maps' depth
+// Whether something stands on the floor at a place.
+bool isStood(vec3 place) {
+  vec2 uv = 0.5 + vec2(dot(place, albedoX), dot(place, albedoY));
+  return uv == clamp(uv, 0.0, 1.0) && halfHeight + depthRange * (textureLod(under, 0.5 * uv, 0.0).r - 0.5) < STANDING * depthRange;
+}
+#else
 ${FLOOR_MAP_GLSL}
 uniform sampler2D seenSmoothed;
 uniform sampler2D floorReflected; // as GIVEN_FRAGMENT writes it
@@ -193,10 +223,11 @@ vec3 groundAlong(vec3 place, vec3 way, vec3 up) {
 }
 #endif
 #ifndef FLOOR
-// Light that the floor receives from surfaces, in proportion to the luminance of all light: the map has it.
-vec3 reflectedOnFloor(vec3 place) {
+// Light that a point of the floor misses, from what is hidden there: less what surfaces reflect onto it, and as the map has it where the shadow is wide (of the studio's floor, FLOOR_FRAGMENT does that before). Both in proportion to the luminance of all light.
+vec3 missedOnFloor(vec3 place, vec3 hidden) {
   vec2 uv = 0.5 + vec2(dot(place, floorX), dot(place, floorY));
-  return textureLod(floorReflected, uv, 0.0).rgb;
+  vec4 known = textureLod(floorMissed, uv, 0.0);
+  return mix(hidden - textureLod(floorReflected, uv, 0.0).rgb, known.rgb, smoothstep(NARROW, 2.0 * NARROW, known.a));
 }
 #endif
 const float WITHIN = 0.75; // part of the light that comes from behind the surface, compared with that of other surfaces
@@ -205,6 +236,9 @@ void main() {
   vec3 place, edge;
   missed = given = vec4(0.0);
   away = vec2(0.0);
+#ifdef FLOOR
+  bool isCovered = true; // no light reaches it
+#endif
   if (!point(place, edge)) return;
 #ifdef FLOOR
   vec3 n = edge;
@@ -239,6 +273,7 @@ void main() {
       }
     }
 #ifdef FLOOR
+    isCovered = isCovered && open == 0.0;
     vec3 lost = (1.0 - open) * colors[i];
 #else
     open *= above;
@@ -250,8 +285,14 @@ void main() {
 #endif
     missed += cosine * vec4(lost, dot(colors[i], vec3(0.2126, 0.7152, 0.0722)));
   }
-#ifndef FLOOR
-  if (isFloor) missed.rgb -= missed.a * reflectedOnFloor(place);
+#ifdef FLOOR
+  if (isCovered && isStood(place)) {
+    missed *= COVERED;
+    given *= COVERED;
+    away *= COVERED;
+  }
+#else
+  if (isFloor) missed.rgb = missed.a * missedOnFloor(place, missed.rgb / max(missed.a, 1e-9));
 #endif
 }`;
 
@@ -278,6 +319,7 @@ uniform float softness; // half the angle between neighbouring directions, times
 const float MOST_SEEN = 8.0; // texels around that a surface above sees at most: what is beside the scene is seen from its sides
 const int TAPS = 12;
 const float WIDEST = 2.4; // reach of the blur, in widths of a shadow
+const float BESIDE = 4.0; // texels around a covered one from which it takes what the floor beside it misses
 const float UNSHADOWED = 100.0; // width where there is no shadow: wider than any that matters
 // Height of what is above the floor, in texels.
 float heightAbove() {
@@ -299,10 +341,12 @@ void main() {
   reflected = vec4(0.0);
   if (textureLod(hidden, uv, log2(1.0 + WIDEST * wide) + 1.0).rgb == vec3(0.0)) return;
   float height = heightAbove(), level = log2(1.0 + min(height, MOST_SEEN));
+  bool isCovered = textureLod(hidden, uv, 0.0).a < 0.5 * textureLod(hidden, uv, log2(size.x)).a;
+  if (isCovered) level = max(level, log2(1.0 + 2.0 * BESIDE));
   vec4 around = textureLod(hidden, uv, level);
   float open = 1.0 - dot(around.rgb, vec3(0.2126, 0.7152, 0.0722)) / max(around.a, 1e-9);
   open = clamp(open * (1.0 - dot(suns, vec4(1.0))) + dot(suns, textureLod(openSuns, uv, level)), 0.001, 1.0);
-  wide = min(wide, 0.5 * height); // the maps have the depth of the scene's upper side
+  wide = isCovered ? BESIDE : min(wide, 0.5 * height); // the maps have the depth of the scene's upper side
   vec4 all = vec4(0.0);
   vec3 back = vec3(0.0);
   float total = 0.0;

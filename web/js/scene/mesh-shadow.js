@@ -363,6 +363,9 @@ export class MeshShadows {
       bindTexture(gl, UNITS.floorAway, this.floor?.reflected ?? null);
       gl.uniform1i(at("seenSmoothed"), UNITS.open);
       bindTexture(gl, UNITS.open, seen?.smoothed ?? null);
+    } else {
+      gl.uniform1i(at("under"), UNITS.open);
+      maps.bind(UNITS.open, maps.sides);
     }
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE);
