@@ -59,6 +59,8 @@ export function sceneView(id) {
     );
 
   let asked = false;
+  /** Whether the page has been drawn. */
+  let isDrawn = false;
   /** @type {{status: string, update: (scene: Scene) => void} | null} */
   let part = null;
   const own = new Disposer(); // of the part
@@ -79,8 +81,9 @@ export function sceneView(id) {
           const isFirst = part === null;
           const mine = (part = { status: scene.status, update: (/** @type {Scene} */ _) => {} });
           const open = () => (mine.update = { preparing, failed, ready }[scene.status](element, scene, own, steps));
+          if (isFirst) beginView(() => (isDrawn = true));
           // A view that takes the graphics card for seconds must not hold up the page: its outline is drawn first.
-          if (isFirst && scene.status === "ready") {
+          if (!isDrawn && scene.status === "ready") {
             element.classList.add("workspace");
             own.add(() => element.classList.remove("workspace"));
             fill(element, heading(scene), outline(scene, own, steps));
