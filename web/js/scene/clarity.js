@@ -35,12 +35,14 @@ export function clarity(samples, noise, isDone, isDenoised) {
  * @param {boolean} isOtherLight whether the stand-in has another light
  * @param {number} [mean] samples per pixel that the view's picture has so far
  * @param {number} [needed] samples per pixel with which it is shown
+ * @param {boolean} [denoises] whether it is denoised before
  */
-export function previewWords(isDone, isOtherLight, mean = 0, needed = 0) {
+export function previewWords(isDone, isOtherLight, mean = 0, needed = 0, denoises = false) {
   if (isOtherLight) return t("New light: rendering …");
   if (isDone) return t("Preview");
   const n = Math.round(mean);
-  return n > 0 && n < needed ? t("Preview, rendering {n} of {all}", { n, all: needed }) : t("Preview, rendering …");
+  if (n > 0 && n < needed) return t("Preview, rendering {n} of {all}", { n, all: needed });
+  return denoises && n > 0 && needed > 0 ? t("Preview, denoising …") : t("Preview, rendering …");
 }
 
 /** The words for a view of a scene of which nothing can be seen from any side. */

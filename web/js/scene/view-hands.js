@@ -99,7 +99,10 @@ export function viewHands({ scene, form, frame, surface, instead, seen, size, pi
   const lightButton = tools.buttons.get("light");
   const letGo = viewHand(surface, {
     view: form.view,
-    turn,
+    turn(next) {
+      if (hint.classList.contains("usual")) setText(hint, ""); // known by now
+      turn(next);
+    },
     size: diagonal(scene.bounds),
     floor: () => floorBelow(Boolean(scene.has_floor), scene.cameras.at(-1)?.view.up ?? [0, 1, 0], scene.bounds?.[0] ?? [], diagonal(scene.bounds)),
     pressed: tools.press,
