@@ -70,7 +70,9 @@ def test_steps_are_seen_from_first_frame_of_scene_page_until_its_picture(farm: F
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Choose files").click()
     page.evaluate("() => void (window.isHeld = true)")
-    chooser.value.set_files([{"name": "cube.glb", "mimeType": "model/gltf-binary", "buffer": small_glb(f"first picture {len(frames)}")}])
+    chooser.value.set_files(
+        [{"name": "cube.glb", "mimeType": "model/gltf-binary", "buffer": small_glb(f"first picture {len(frames)}")}]
+    )
     steps = page.locator(".view-pills > .view-steps")
     expect(steps.get_by_text("Upload")).to_be_attached()
     expect(steps).to_have_count(0, timeout=90_000)
