@@ -19,6 +19,7 @@ import { homeCamera } from "../forms/camera-fields.js";
 import { START } from "../forms/view-fields.js";
 import { keepFirstLook, prepareLook } from "../film/first-look.js";
 import { firstFrame } from "../base/shot-words.js";
+import { knowExamples } from "../shell/examples.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
@@ -66,8 +67,9 @@ export function sceneView(id) {
   const own = new Disposer(); // of the part
   /** The steps of an upload, until its first picture. */
   const steps = prepareSteps(id);
-  life.add(() => (own.dispose(), (part = null)));
-  life.add(
+  let isOpen = true;
+  life.add(() => (own.dispose(), (part = null), (isOpen = false)));
+  const follow = () =>
     scenes.subscribe((all) => {
       const scene = all?.find((candidate) => candidate.id === id);
       if (scene) {
@@ -96,8 +98,9 @@ export function sceneView(id) {
         asked = true; // the list may be older than the scene
         getScene(id).then(adoptScene, gone);
       }
-    }),
-  );
+    });
+  // The picture of an example, of many samples, is shown instead of a poster.
+  void knowExamples().then(() => isOpen && life.add(follow()));
   return { element, dispose: () => life.dispose() };
 }
 
