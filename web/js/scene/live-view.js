@@ -343,7 +343,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     followCover();
     if (invisible()) say(nothingWords, true, "nothing");
     else if (told === "nothing") say(""); // another variant or frame shows something
-    else if (cover.isInstead && isChanged) {
+    else if (cover.isInstead && isChanged && surface.dataset.samples) {
       meanwhile.steps.follow(0, CLEAR_SPP, "", cover.willBeDenoised()); // the counts were of the view before
       say(meanwhile.steps.line || previewWords(false, cover.isOtherLight), false);
     }
