@@ -14,12 +14,13 @@ from tests.helpers import Farm
 # Looks at every frame: at the front page until it is left, at the scene's page until its view shows a picture.
 # withoutSteps: a scene that waits for a worker has steps, but no current one.
 # early: WebGL contexts created before the scene's page had been drawn.
-# blank: the steps are folded before the scene is seen.
+# blank: the steps are folded before the scene is seen; in a single frame it may be drawn after this.
 WATCH = """(() => {
   window.said = new Set();
   const seen = (window.seen = { frames: 0, faded: 0, withoutSteps: 0, silent: 0, early: 0, blank: 0 });
   let drawn = -1;
   let isOver = false;
+  let wasBlank = false;
   const frame = () => document.querySelector(".scene-page .live-view-frame");
   const { getContext } = HTMLCanvasElement.prototype;
   HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
@@ -40,7 +41,9 @@ WATCH = """(() => {
         if (!document.querySelector(".steps li")) seen.withoutSteps++;
         if (state && !state.textContent) seen.silent++;
         const isFolded = document.querySelector(".view-steps.folded");
-        if (isFolded && !view.style.backgroundImage && !view.querySelector("canvas.mesh")?.dataset.drawn) seen.blank++;
+        const isBlank = isFolded && !view.style.backgroundImage && !view.querySelector("canvas.mesh")?.dataset.drawn;
+        if (isBlank && wasBlank) seen.blank++;
+        wasBlank = isBlank;
         said.add(state?.textContent ?? "");
       }
     }
