@@ -99,8 +99,10 @@ export function sceneView(id) {
         getScene(id).then(adoptScene, gone);
       }
     });
-  // The picture of an example, of many samples, is shown instead of a poster.
-  void knowExamples().then(() => isOpen && life.add(follow()));
+  // The picture of an example, of many samples, is shown instead of a poster; both lists arrive at the same time.
+  const known = knowExamples();
+  if (scenes.value) life.add(follow());
+  else void known.then(() => isOpen && life.add(follow()));
   return { element, dispose: () => life.dispose() };
 }
 
