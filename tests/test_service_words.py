@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import pytest
 
+from rayfarm.commands.info import NOTES
 from tests.helpers import ROOT
 
 SPEAKERS = ("protocol", "service", "worker", "renderer", "blender/rayfarm_addon/scene")
@@ -120,6 +121,13 @@ def test_codes_used_by_the_page_exist() -> None:
     assert used and not used - {each.code for each in _sentences()}
     missing = {each.code for each in _sentences() if re.search(r"not among the (scene's )?files", each.template)}
     assert not missing - used, "add these to MISSING_FILE, so that the page offers to add the file"
+
+
+def test_page_and_command_line_call_the_same_messages_notes() -> None:
+    source = (ROOT / "web/js/base/codes.js").read_text(encoding="utf-8")
+    [guessed] = re.findall(r"const GUESSED = \[(.*?)\]", source, re.DOTALL)
+    others = re.findall(r'const (?:SEVERAL_SCENES|WITHOUT_LIGHT) = "(.*?)"', source)
+    assert len(others) == 2 and {*re.findall(r'"(.*?)"', guessed), *others} == NOTES
 
 
 def test_catalogues_have_no_unknown_code() -> None:

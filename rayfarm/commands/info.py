@@ -15,7 +15,27 @@ from rayfarm.console import bar, out
 from rayfarm.reading import describe
 from rayfarm.strict import refuse_warnings
 
-__all__ = ["register"]
+__all__ = ["NOTES", "register"]
+
+# Codes of what is no warning, as on the page: guesses where a file leaves something open, and the light that stands in.
+NOTES = frozenset(
+    {
+        "collada-camera-aspect-guessed",
+        "image-colour-profile-ignored",
+        "mesh-decimal-commas",
+        "mtl-bump-read-as-normal",
+        "mtl-decimal-commas",
+        "names-encoding-guessed",
+        "names-encoding-likely",
+        "obj-image-guessed",
+        "obj-library-guessed",
+        "points-shown-as-spheres",
+        "scene-files-several",
+        "scene-without-light",
+        "up-axis-guessed",
+        "usd-metadata-not-double",
+    }
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -66,7 +86,7 @@ def _print_summary(summary: dict[str, Any]) -> None:
     if summary["defaults"]:
         line("Asks for", ", ".join(f"{key} {value}" for key, value in summary["defaults"].items()))
     for warning in summary["warnings"]:
-        line("Note", warning)
+        line("Note" if getattr(warning, "code", "") in NOTES else "Warning", warning)
 
 
 def _count_with_noun(count: int, plural: str) -> str:

@@ -110,4 +110,8 @@ def test_first_picture_of_reopened_scene_is_what_the_view_becomes(farm: Farm, br
     small = np.asarray(Image.fromarray(settled.astype(np.uint8)).resize((170, 90)).resize(settled.shape[::-1]), np.float64)
     assert sharpness(small) < 0.4 * sharpness(settled), "a thumbnail would not be"
     assert page.locator(".live-view canvas.mesh:not([hidden])").count() == 0
+    if example is not None:
+        page = context.new_page()
+        page.goto(f"{farm.url}/#/scenes/{scene}")  # the poster, of fewer samples, does not replace the shipped picture
+        assert f"examples/{example}.jpg" in page.evaluate(FIRST)
     context.close()

@@ -63,6 +63,18 @@ def test_upload_has_a_card_until_it_ends(page: Page) -> None:
 
 
 @pytest.mark.long
+def test_failed_upload_has_a_card_with_its_reason(page: Page) -> None:
+    failed = {**scene(2, "cut"), "status": "failed", "error": "cut.glb ends before its data does."}
+    call(page, "views/scene-grid", SHOW, [scene(1, "Bridge"), failed, scene(3, "Tower")])
+    cards = page.locator(".card")
+    expect(cards).to_have_count(3)
+    expect(cards.nth(1)).to_contain_text("cut.glb ends before its data does.")
+    expect(cards.nth(1).locator(".chip")).to_have_text("Failed")
+    expect(cards.nth(1).get_by_role("link")).to_have_attribute("href", re.compile("scenes/s2"))
+    expect(cards.nth(0).locator(".chip, .why").filter(visible=True)).to_have_count(0)
+
+
+@pytest.mark.long
 def test_few_scenes_have_no_search(page: Page) -> None:
     call(page, "views/scene-grid", SHOW, [scene(i, f"Take {i}") for i in range(5)])
     expect(page.locator(".card")).to_have_count(5)

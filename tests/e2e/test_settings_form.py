@@ -313,7 +313,13 @@ def test_missing_files_come_first_and_guesses_are_notes(page: Page) -> None:
     expect(page.get_by_role("list", name="Warnings").get_by_role("listitem")).to_have_text(["Missing.", "Other.", "Guessed."])
     scene = {**SCENE, "warnings": ["Guessed."], "codes": {"warnings": [guess]}}
     call(page, "scene/scene-notices", "document.body.replaceChildren(m.warnings(a));", scene)
-    expect(page.locator(".notice.note .first-warning")).to_have_text("1 note Guessed.")
+    expect(page.locator(".notice.note .first-warning")).to_have_text("1 note The only image beside the file is its texture")
+    page.get_by_text("1 note").click()
+    expect(page.get_by_role("list", name="Warnings").get_by_role("listitem")).to_have_text(["Guessed."])
+    nothing = {"code": "scene-without-area", "params": {}}
+    scene = {**SCENE, "warnings": ["Nothing.", "Other."], "codes": {"warnings": [nothing, None]}}
+    call(page, "scene/scene-notices", "document.body.replaceChildren(m.warnings(a));", scene)
+    expect(page.locator(".notice.warning .first-warning")).to_have_text("1 more warning")
 
 
 @pytest.mark.long

@@ -8,9 +8,9 @@ const [web, locale] = process.argv.slice(2);
 const events = new EventTarget();
 for (const name of ["addEventListener", "removeEventListener", "dispatchEvent"]) globalThis[name] = events[name].bind(events);
 globalThis.KeyboardEvent = class extends Event {
-  constructor(type, { key }) {
+  constructor(type, { key, code = "", shiftKey = false }) {
     super(type);
-    this.key = key;
+    Object.assign(this, { key, code, shiftKey });
   }
 };
 globalThis.HTMLElement = class {};

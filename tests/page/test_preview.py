@@ -218,6 +218,30 @@ def test_preparation_steps_are_timed(node: Node) -> None:
     assert took == {"upload": 0.2, "read": 0.5, "build": 0.5, "compile": 40}
 
 
+def test_turned_camera_goes_back_from_denoising_to_rendering(node: Node) -> None:
+    body = """
+        const times = new m.StepTimes(null);
+        for (const [step, now] of a) times.put(step, now);
+        times.renderAgain(7);
+        const again = [times.step, { ...times.took }, times.since];
+        times.put("denoise", 9);
+        return [again, times.took];"""
+    again, took = node.call("scene/prepare-steps", body, [["render", 1], ["denoise", 5]])
+    assert again == ["render", {}, 3]
+    assert took == {"render": 6}
+
+
+def test_preview_says_how_far_its_picture_is(node: Node) -> None:
+    pictures = [[0, True], [0.755, True], [1, True], [1.5, False]]
+    words = node.call("scene/clarity", "return a.map((each) => m.previewWords(false, false, ...each));", pictures)
+    assert words == [
+        "Preview, rendering …",
+        "Preview, rendering 75 %",
+        "Preview, denoising …",
+        "Preview, rendering 100 %",
+    ]
+
+
 def test_kept_picture_serves_near_cameras(node: Node) -> None:
     """The distance is 0 for the picture's own camera, and 1 after a large turn or with another projection."""
     body = """

@@ -50,6 +50,20 @@ def test_single_letter_shortcuts_can_be_disabled(node: Node) -> None:
     assert node.call("shell/shortcuts", body) == [*all_of_them, "ArrowUp", "Escape", False, *all_of_them]
 
 
+def test_digit_keys_are_the_same_on_every_keyboard(node: Node) -> None:
+    """A French keyboard types "&" with the key of 1, and "1" with Shift; a German one types "/" with Shift and 7."""
+    body = """
+        const done = [];
+        const off = m.addShortcuts(["1", "Shift+1", "/"].map((keys) => ({ keys, does: keys, run: () => done.push(keys) })));
+        for (const each of a) dispatchEvent(new KeyboardEvent("keydown", each));
+        off();
+        return done;"""
+    french = [{"key": "&", "code": "Digit1"}, {"key": "1", "code": "Digit1", "shiftKey": True}]
+    english = [{"key": "1", "code": "Digit1"}, {"key": "!", "code": "Digit1", "shiftKey": True}]
+    others = [{"key": "/", "code": "Digit7", "shiftKey": True}, {"key": "1", "code": "Numpad1"}]
+    assert node.call("shell/shortcuts", body, french + english + others) == ["1", "Shift+1"] * 2 + ["/", "1"]
+
+
 def test_shortcuts_have_groups_which_the_help_lists(node: Node) -> None:
     body = """
         const shortcut = (keys, shown) => ({ keys, does: keys, get shown() { return shown; }, run: () => {} });

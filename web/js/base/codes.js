@@ -42,6 +42,9 @@ export const GUESSED = [
   "usd-metadata-not-double",
 ];
 
+/** Two of them, whose sentences name places in the file. */
+export const [PROFILE_IGNORED, IMAGE_GUESSED] = ["image-colour-profile-ignored", "obj-image-guessed"];
+
 /** The upload has several scenes: `file` is shown, not `others`. */
 export const SEVERAL_SCENES = "scene-files-several";
 

@@ -37,8 +37,8 @@ export function saidOf(record, field) {
 }
 
 /**
- * Returns a text of a record like `saidOf`, without the cause in brackets at its end, and that cause: such as a reader's error, which
- * explains more to the author of a program than to its user.
+ * Returns a text of a record like `saidOf`, without the cause in brackets at its end and with a full stop, and that cause: such as a
+ * reader's error, which explains more to the author of a program than to its user.
  *
  * @param {any} record
  * @param {string} field
@@ -51,7 +51,8 @@ export function saidApart(record, field) {
   if (cause === undefined) return [whole, ""];
   const text = insertedText(cause, ")", 0);
   const end = [` (${text})`, `（${text}）`].find((each) => whole.endsWith(each));
-  return end ? [whole.slice(0, -end.length), text] : [whole, ""];
+  const rest = end ? whole.slice(0, -end.length) : "";
+  return end ? [STOP.test(rest) ? rest : `${rest}${language === "zh" ? "。" : "."}`, text] : [whole, ""];
 }
 
 /**

@@ -14,6 +14,7 @@ import { addPart } from "../shell/layouts.js";
 import { PREPARING, clarity, clarityField, nothingWords, previewWords, progressWords, roughWords } from "./clarity.js";
 import { clearView, keepClearView } from "./clear-views.js";
 import { Cover } from "./cover.js";
+import { onceDrawn } from "./drawn.js";
 import { darknessNotice } from "./darkness-notice.js";
 import { denoiseView } from "./denoise-view.js";
 import { exposureHand } from "./exposure-hand.js";
@@ -125,10 +126,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
   /** Whether a picture of the view is seen. */
   let isSeen = false;
+  /** Whether the mesh is drawn. */
+  let isDrawn = false;
   /** Folds the steps of an upload once the view shows the scene, and ends them once its own picture is seen. */
   const followCover = () => {
     if (isSeen) return;
-    if (cover.shown !== "nothing" && meanwhile.steps.fold() && told === "preparing") say("", false);
+    const isShown = cover.isMeshShown ? isDrawn : cover.shown !== "nothing";
+    if (isShown && meanwhile.steps.fold() && told === "preparing") say("", false);
     if (!cover.isSampled || cover.isHeld) return;
     isSeen = true;
     meanwhile.steps.end();
@@ -164,6 +168,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     known ? { url: known, nearest: "", isFinished: true, isSame: true, isClear: true, steps: meanwhile.steps } : { ...meanwhile, isSame: meanwhile.isSame && isDenoised },
     { surface, canvas, picture, mesh, view: form.view, laid: () => (followCover(), warnEarly(), exposePreview()), willBeDenoised: () => denoise.isOn() && form.request().background !== "transparent" }, // the denoiser makes no alpha
   );
+  const endWait = onceDrawn(mesh, () => ((isDrawn = true), followCover()));
   const hand = exposureHand(() => film.film);
   const aspect = () => (request().width ?? 1) / (request().height ?? 1);
   /** Returns the scene's bounds; null where it is not shown as uploaded, of which they are. @returns {[Vec3, Vec3] | null} */
@@ -322,6 +327,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const { width, height } = sizeFor(now.width ?? 1, now.height ?? 1, wide, mostPixels);
     const wanted = { ...now, ...clear.request(), ...denoise.request(), width, height, alpha: true };
     const [text, sent] = [JSON.stringify(now), JSON.stringify(wanted)];
+    const isChanged = latest !== undefined && sent !== latest.sent;
     if (sent !== latest?.sent) {
       const isSameShape = Math.abs(width * size.height - height * size.width) <= width + height;
       const isClean = surface.dataset.denoised === "true" && film.film.isDenoised;
@@ -338,7 +344,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     followCover();
     if (invisible()) say(nothingWords, true, "nothing");
     else if (told === "nothing") say(""); // another variant or frame shows something
-    else if (isSeen && cover.isInstead) say(previewWords(false, cover.isOtherLight), false); // the counts were of the view before
+    else if (cover.isInstead && isChanged && surface.dataset.samples) {
+      meanwhile.steps.follow(0, "", cover.willBeDenoised()); // the last part was of the view before
+      say(meanwhile.steps.line || previewWords(false, cover.isOtherLight), false);
+    }
     warnEarly();
     exposePreview();
     framing.update();
@@ -449,6 +458,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       resizing.disconnect();
       for (const each of [dark, stage, framing, standard, hands, others, denoise, saved]) each.dispose();
       endPart();
+      endWait();
       link.close();
       cover.dispose();
       picture.dispose();

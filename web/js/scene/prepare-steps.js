@@ -59,6 +59,13 @@ export class StepTimes {
     if (this.step) this.took[this.step] = now - this.since;
     [this.step, this.since] = [step, now];
   }
+
+  /** Goes on with rendering after the camera was turned while its picture was denoised. @param {number} now seconds */
+  renderAgain(now) {
+    if (this.step !== "denoise") return;
+    [this.step, this.since] = ["render", now - (this.took.render ?? 0)];
+    delete this.took.render;
+  }
 }
 
 /** "0.4 s", "12 s". @param {number} seconds */
@@ -149,6 +156,7 @@ export function prepareSteps(scene) {
       isSentence = message !== "";
       isDenoised = denoises;
       if (denoises && part >= 1 && times.step) times.put("denoise", now());
+      else times.renderAgain(now());
     },
     /** The first picture is seen. */
     end() {

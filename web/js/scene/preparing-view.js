@@ -10,6 +10,7 @@ import { sideView } from "../forms/side-views.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
 import { PREPARING } from "./clarity.js";
+import { onceDrawn } from "./drawn.js";
 import { beginView, passMesh, takeMesh } from "./mesh-relay.js";
 import { floorBelow, lookAt } from "./orbit.js";
 import { blenderNotice, waitsForBlender } from "./scene-notices.js";
@@ -75,6 +76,7 @@ export function preparingView(scene, steps) {
   let isTurned = false;
   let isAsked = false;
   let letGo = () => {};
+  let endWait = () => {};
   let isOpen = true;
   /** @param {View} next */
   const turn = (next) => {
@@ -130,13 +132,13 @@ export function preparingView(scene, steps) {
     canvas.hidden = picture !== undefined && !isTurned;
     surface.append(canvas);
     taken.setScene(latest);
+    endWait = onceDrawn(taken, seen);
     // What this page uploaded is drawn until the service has read it.
     void localMeshOf(scene.id).then((local) => {
       if (!local || isAsked || !isOpen) return;
       const { packet, view: first } = local;
       taken.floor ||= "auto"; // what an upload without lights gets
       taken.setMesh(packet);
-      void taken.ready.then(seen);
       follow(first, packet.low, packet.high);
     });
     showPreview(taken);
@@ -154,7 +156,6 @@ export function preparingView(scene, steps) {
     meshOf(id).then(
       (packet) => {
         if (isOpen && on.mesh !== packet) on.setMesh(packet);
-        void on.ready.then(seen);
       },
       () => {}, // the list of steps shows the progress
     );
@@ -175,6 +176,7 @@ export function preparingView(scene, steps) {
     dispose() {
       isOpen = false;
       letGo();
+      endWait();
       standard.dispose();
       if (mesh) passMesh(scene.id, mesh);
     },

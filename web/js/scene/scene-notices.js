@@ -1,6 +1,6 @@
 /** Notices about a scene: its preparation, errors, warnings, and remedies. */
 
-import { GUESSED, INVISIBLE, MISSING_FILE, SEVERAL_SCENES, STRICT, WAITS_FOR_BLENDER, WITHOUT_AREA, WITHOUT_LIGHT, hasCode, missingFiles } from "../base/codes.js";
+import { GUESSED, IMAGE_GUESSED, INVISIBLE, MISSING_FILE, PROFILE_IGNORED, SEVERAL_SCENES, STRICT, WAITS_FOR_BLENDER, WITHOUT_AREA, WITHOUT_LIGHT, hasCode, missingFiles } from "../base/codes.js";
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { said, saidApart, saidOf } from "../base/said.js";
@@ -93,6 +93,13 @@ function warningList(scene, some) {
   return h("ul", { "aria-label": t("Warnings") }, some.map((sentence) => h("li", null, warning(scene, sentence))));
 }
 
+/** Returns the beginning of a folded warning: of frequent notes a few words without places in the file. @param {string} sentence @param {import("../base/said.js").Coded | null | undefined} coded */
+function beginningOf(sentence, coded) {
+  if (hasCode(coded, PROFILE_IGNORED)) return t("A texture's colour profile is ignored");
+  if (hasCode(coded, IMAGE_GUESSED)) return t("The only image beside the file is its texture");
+  return said(sentence, coded);
+}
+
 /** The warnings about a scene, ignored or approximated parts, as a line that opens. @param {Scene} scene */
 export function warnings(scene) {
   const rank = (/** @type {string} */ sentence) => {
@@ -104,13 +111,15 @@ export function warnings(scene) {
   if (first === undefined) return null;
   const serious = sentences.filter((sentence) => rank(sentence) < 2).length;
   const missing = sentences.flatMap((sentence) => missingFiles(codedOf(scene, sentence)));
-  const beginning = missing.length ? t("Missing: {names}", { names: [...new Set(missing)].join(", ") }) : said(first, codedOf(scene, first));
-  const count = serious ? tn(serious, "{n} warning", "{n} warnings") : tn(sentences.length, "{n} note", "{n} notes");
+  const beginning = missing.length ? t("Missing: {names}", { names: [...new Set(missing)].join(", ") }) : beginningOf(first, codedOf(scene, first));
+  const isInvisible = invisibleWords(scene) !== ""; // the view says so, and nothing else matters as much
+  const all = isInvisible ? tn(sentences.length, "{n} more warning", "{n} more warnings") : tn(serious, "{n} warning", "{n} warnings");
+  const count = serious ? all : tn(sentences.length, "{n} note", "{n} notes");
   return h(
     "div",
     { class: serious ? "notice warning folded" : "notice note folded" },
     icon(serious ? "warning" : "info"),
-    h("details", { class: "grow" }, h("summary", null, h("span", { class: "first-warning" }, h("strong", null, count), " ", h("span", { class: "quiet" }, beginning))), warningList(scene, sentences)),
+    h("details", { class: "grow" }, h("summary", null, h("span", { class: "first-warning" }, h("strong", null, count), " ", !isInvisible && h("span", { class: "quiet" }, beginning))), warningList(scene, sentences)),
     addButton(scene, sentences.map((sentence) => codedOf(scene, sentence))),
   );
 }

@@ -45,9 +45,12 @@ export function viewHands({ scene, form, frame, surface, instead, seen, size, pi
   const tell = (sentence = "") => {
     isFocused = false;
     const touch = matchMedia("(pointer: coarse)").matches;
+    const isFrontUnknown = scene.up_axis != null && scene.cameras.length === 1; // the file states neither directions nor a camera
     const usual = touch
       ? t("Drag with two fingers to move the view; tap it first to turn it with one.")
-      : t("Drag to turn, Shift-drag to move, scroll to zoom; W A S D Q E to fly.");
+      : isFrontUnknown
+        ? t("Drag to turn, scroll to zoom. Seen from behind? Back or Shift+1.")
+        : t("Drag to turn, Shift-drag to move, scroll to zoom; W A S D Q E to fly.");
     const ofStage = touch
       ? t("Drag with one finger to pan, pinch to zoom.")
       : t("Drag moves the picture, the wheel zooms; Escape goes back to the live view.");
@@ -99,7 +102,10 @@ export function viewHands({ scene, form, frame, surface, instead, seen, size, pi
   const lightButton = tools.buttons.get("light");
   const letGo = viewHand(surface, {
     view: form.view,
-    turn,
+    turn(next) {
+      if (hint.classList.contains("usual")) setText(hint, ""); // known by now
+      turn(next);
+    },
     size: diagonal(scene.bounds),
     floor: () => floorBelow(Boolean(scene.has_floor), scene.cameras.at(-1)?.view.up ?? [0, 1, 0], scene.bounds?.[0] ?? [], diagonal(scene.bounds)),
     pressed: tools.press,

@@ -88,10 +88,10 @@ function dispatch(event) {
     return;
   // Arrow keys belong to focused controls that they move.
   if (/^(Shift\+)?(Arrow|Home|End)/.test(name) && event.target instanceof HTMLElement && event.target.matches(MOVED)) return;
-  // With Shift, a digit key types a character that depends on the keyboard.
-  const digit = event.shiftKey && /^Digit\d$/.test(event.code) ? `Shift+${event.code.slice(5)}` : name;
+  // What a digit key types depends on the keyboard, and on French ones a digit needs Shift.
+  const digit = /^Digit\d$/.test(event.code) ? `${event.shiftKey ? "Shift+" : ""}${event.code.slice(5)}` : name;
   const all = [...active.keys()];
-  const found = all.findLast(({ keys }) => keys === name) ?? all.findLast(({ keys }) => keys === digit);
+  const found = all.findLast(({ keys }) => keys === digit) ?? all.findLast(({ keys }) => keys === name);
   if (!found) return;
   event.preventDefault();
   found.run();

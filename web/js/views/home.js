@@ -1,10 +1,8 @@
 /** The front page: a drop area, examples, and the existing scenes. */
 
-import { getExamples } from "../news/api.js";
-import { pictureOf, visitExample } from "../shell/examples.js";
+import { listExamples, pictureOf, visitExample } from "../shell/examples.js";
 import { getComparisons, openComparison } from "../compare/comparisons.js";
 import { fill, h, keyedList } from "../base/dom.js";
-import { examplePictures } from "../news/example-pictures.js";
 import { arriving } from "../news/arriving.js";
 import { hidden, jobs, scenes, workers } from "../news/farm.js";
 import { choose } from "../shell/drops.js";
@@ -114,12 +112,8 @@ export function homeView() {
 
   // Thumbnails of examples are large, so the existing scenes load first on a slow line.
   const told = new Promise((done) => life.add(scenes.subscribe((all) => all && done(null))));
-  const listed = getExamples();
-  const illustrate = (/** @type {Example[]} */ examples) => {
-    for (const example of examples) for (const id of example.scenes) examplePictures.set(id, pictureOf(example));
-    refresh();
-  };
-  listed.then(illustrate, () => {}); // the section of the examples stays hidden
+  const listed = listExamples();
+  listed.then(refresh, () => {}); // the section of the examples stays hidden
   const present = () => {
     if (!shown) return;
     const { examples, comparisons } = shown;

@@ -30,6 +30,7 @@ export function sceneCard(scene) {
   const name = h("a", { class: "name", href: linkTo("scenes", scene.id) });
   const chip = stateChip(scene.status);
   const facts = h("span", { class: "quiet small number facts-line" });
+  const why = h("span", { class: "quiet small why" });
   const picture = thumbnail();
   let latest = scene;
   const remove = h(
@@ -41,7 +42,7 @@ export function sceneCard(scene) {
     "li",
     { class: "card" },
     picture.element,
-    h("div", { class: "body" }, name, h("div", { class: "row" }, chip.element, facts)),
+    h("div", { class: "body" }, name, h("div", { class: "row" }, chip.element, facts), why),
     remove,
   );
   holdOnLongPress(element);
@@ -56,6 +57,7 @@ export function sceneCard(scene) {
       chip.update(next.status);
       chip.element.hidden = next.status === "ready";
       setFacts(facts, next.status === "ready" ? shortFacts(next) : []);
+      setText(why, next.status === "failed" ? saidApart(next, "error")[0] : "");
       picture.update(next, renderedOf(next) ?? (examplePictures.get(next.id) || posterUrl(next)));
     },
   };
@@ -81,30 +83,6 @@ export function arrivingCard({ name, fraction }) {
     h("div", { class: "body" }, h("span", { class: "name", title: name }, name), h("div", { class: "row" }, word, bar.element)),
   );
   return { element, update: () => {} };
-}
-
-/**
- * A scene that cannot be rendered: its name, the reason, and a button that deletes it.
- *
- * @param {Scene} scene
- * @returns {import("../base/dom.js").Row<Scene>}
- */
-export function refusedRow(scene) {
-  let latest = scene;
-  const name = h("a", { class: "name", href: linkTo("scenes", scene.id) });
-  const why = h("span", { class: "quiet small why" });
-  const remove = h("button", { class: "icon-button danger for-submit", type: "button", onclick: () => removeScene(latest) }, icon("trash"));
-  const element = h("li", null, name, why, remove);
-  return {
-    element,
-    update(next) {
-      latest = next;
-      offer(element, next.project);
-      setText(name, next.name);
-      setText(why, saidApart(next, "error")[0]);
-      remove.setAttribute("aria-label", t("Delete {name}", { name: next.name }));
-    },
-  };
 }
 
 /** Samples per pixel from which a job's picture, which may have its noise, is clearer than a poster or the picture of an example. */

@@ -5,7 +5,7 @@ import { h, keyedList, setText } from "../base/dom.js";
 import { hidden } from "../news/farm.js";
 import { announce } from "../shell/tray.js";
 import { t, tn } from "../base/words.js";
-import { arrivingCard, refusedRow, sceneCard } from "./scene-card.js";
+import { arrivingCard, sceneCard } from "./scene-card.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../news/arriving.js").Arriving} Arriving */
@@ -34,21 +34,13 @@ export function sceneGrid() {
   const search = h("input", { type: "search", placeholder: t("Search scenes"), "aria-label": t("Search scenes"), autocomplete: "off", hidden: true });
   const more = h("button", { class: "button", type: "button" }, t("Show all scenes"));
   const none = h("p", { class: "quiet", hidden: true });
-  const refused = h("ul", { class: "refused" });
-  const showRefused = keyedList(refused, (/** @type {Scene} */ scene) => scene.id, refusedRow);
-  const count = h("summary");
-  const fold = h("details", { class: "refused-fold", hidden: true }, count, refused);
   const rest = h("div", { class: "row more-scenes", hidden: true }, more);
   const words = () => search.value.toLowerCase().split(/\s+/).filter(Boolean);
   const refresh = () => {
     const known = new Set(latest.map(({ id }) => id));
     const all = [...latest, ...[...others.values()].filter(({ id }) => !known.has(id) && !hidden.value.has(id))];
     const sought = words();
-    const failed = all.filter(({ status }) => status === "failed");
-    showRefused(failed);
-    fold.hidden = failed.length === 0;
-    setText(count, tn(failed.length, "{n} upload cannot be rendered", "{n} uploads cannot be rendered"));
-    const found = all.filter(({ status }) => status !== "failed").filter(({ name, id }) => sought.every((word) => name.toLowerCase().includes(word) || id.startsWith(word)));
+    const found = all.filter(({ name, id }) => sought.every((word) => name.toLowerCase().includes(word) || id.startsWith(word)));
     const shown = isWhole || sought.length ? found : found.slice(0, FIRST);
     show([...coming, ...shown]);
     search.hidden = all.length < SEARCHED && !search.value;
@@ -81,7 +73,7 @@ export function sceneGrid() {
     grid.children[next]?.querySelector("a")?.focus(); // the button has disappeared
   });
   return {
-    element: h("div", null, grid, none, rest, fold),
+    element: h("div", null, grid, none, rest),
     aside: search,
     put(scenes, uploads = []) {
       latest = scenes;

@@ -19,6 +19,7 @@ import { homeCamera } from "../forms/camera-fields.js";
 import { START } from "../forms/view-fields.js";
 import { keepFirstLook, prepareLook } from "../film/first-look.js";
 import { firstFrame } from "../base/shot-words.js";
+import { knowExamples } from "../shell/examples.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
@@ -59,13 +60,16 @@ export function sceneView(id) {
     );
 
   let asked = false;
+  /** Whether the page has been drawn. */
+  let isDrawn = false;
   /** @type {{status: string, update: (scene: Scene) => void} | null} */
   let part = null;
   const own = new Disposer(); // of the part
   /** The steps of an upload, until its first picture. */
   const steps = prepareSteps(id);
-  life.add(() => (own.dispose(), (part = null)));
-  life.add(
+  let isOpen = true;
+  life.add(() => (own.dispose(), (part = null), (isOpen = false)));
+  const follow = () =>
     scenes.subscribe((all) => {
       const scene = all?.find((candidate) => candidate.id === id);
       if (scene) {
@@ -79,8 +83,9 @@ export function sceneView(id) {
           const isFirst = part === null;
           const mine = (part = { status: scene.status, update: (/** @type {Scene} */ _) => {} });
           const open = () => (mine.update = { preparing, failed, ready }[scene.status](element, scene, own, steps));
+          if (isFirst) beginView(() => (isDrawn = true));
           // A view that takes the graphics card for seconds must not hold up the page: its outline is drawn first.
-          if (isFirst && scene.status === "ready") {
+          if (!isDrawn && scene.status === "ready") {
             element.classList.add("workspace");
             own.add(() => element.classList.remove("workspace"));
             fill(element, heading(scene), outline(scene, own, steps));
@@ -93,8 +98,11 @@ export function sceneView(id) {
         asked = true; // the list may be older than the scene
         getScene(id).then(adoptScene, gone);
       }
-    }),
-  );
+    });
+  // The picture of an example, of many samples, is shown instead of a poster; both lists arrive at the same time.
+  const known = knowExamples();
+  if (scenes.value) life.add(follow());
+  else void known.then(() => isOpen && life.add(follow()));
   return { element, dispose: () => life.dispose() };
 }
 
