@@ -92,6 +92,11 @@ class DenoisedView:
         return self._asked if self.means is not None else 0.0
 
     @property
+    def is_first(self) -> bool:
+        """Returns True if the first picture of the whole view is being denoised."""
+        return self.asked > 0 and self._samples == 0
+
+    @property
     def has_picture(self) -> bool:
         """Returns True if a denoised picture has come that was not taken yet."""
         return self._picture is not None

@@ -47,7 +47,7 @@ GUIDES_AFTER = 1  # samples per pixel that are rendered before the first hits of
 # (docs/performance.md); later pictures have those of CLEAN_GUIDE_SAMPLES, which come with their samples.
 FIRST_GUIDES = 4
 GUIDE_COST = 0.3  # cost of a first hit, relative to a whole sample; 0.3 to 0.35 measured
-MAX_LEVEL_RATIO = 8.0  # largest ratio of pixels between two levels
+MAX_LEVEL_RATIO = 32.0  # largest ratio of pixels between two levels: a sample of the larger one takes about a second
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,7 @@ MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this
 MIN_DRAFT_WAIT_S = 2.0  # the same until its draft has come
 # A view is denoised first with FIRST_GUIDES samples per pixel if these take at most this time: denoising fewer would save none.
 FIRST_DENOISED_S = 0.5
+FEW_SLOTS = 8  # up to which denoising slows down by several times if all of them render meanwhile
 COST_SAMPLES = 2  # per pixel, with which a view's cost is known: single pieces may be of the sky alone
 DRAFT_REST_S = 0.1  # after a draft, without a request for another view, until the view is rendered
 MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
@@ -83,6 +84,7 @@ class ViewSession:
         self.message: str | None = None  # reason for the lack of new pictures
         self.error: str | None = None
         self.slots = 0
+        self._has_few_slots = False
         self.picked: list[Picked] = []  # for the page
         self.pick: tuple[int, int] | None = None
         self.passes: Passes | None = None
@@ -178,6 +180,7 @@ class ViewSession:
         place of a small picture, unless the view has alpha, or has lost one.
         """
         assert self.request is not None
+        self._has_few_slots = slots <= FEW_SLOTS and not card_rate
         seen = replace(settings, light_groups="", light_paths="off", cryptomatte=0, deep=0)
         if not self.request.has_alpha:
             seen = replace(seen, background="visible")
@@ -310,6 +313,12 @@ class ViewSession:
             self._denoised.end(None)
             if self._denoised.failures >= DENOISING_FAILURES_ALLOWED:
                 self._denoised = None
+
+    @property
+    def spares_slots(self) -> bool:
+        """Returns True while few slots render no pieces of the view, since its first denoised picture takes their cores."""
+        denoised = self._denoised
+        return self._has_few_slots and denoised is not None and denoised.is_first
 
     @property
     def piece_wait_s(self) -> float:

@@ -314,7 +314,7 @@ class ViewScheduler:
                 self._send_draft(session)
         shown = [each for each in self._sessions.values() if each.passes is not None and not each.is_paused]
         shown = [each for each in shown if each.kind not in kinds or each.awaits_first_picture]
-        waiting = {each.id: each for each in shown if each.piece_wait_s <= 0}
+        waiting = {each.id: each for each in shown if each.piece_wait_s <= 0 and not each.spares_slots}
         while waiting:
             session = min(waiting.values(), key=lambda each: each.served)
             pieces, card = self._next_pieces(session)

@@ -26,14 +26,20 @@ SLOW_S = 1e-3  # with which a sample of the whole view takes six seconds
 
 
 def show(
-    session: ViewSession, id: int, draft: DraftSize | None = WHOLE, denoises: bool = False, cost_s: float = CPU_S, **settings: Any
+    session: ViewSession,
+    id: int,
+    draft: DraftSize | None = WHOLE,
+    denoises: bool = False,
+    cost_s: float = CPU_S,
+    slots: int = 1,
+    **settings: Any,
 ) -> None:
-    """Begins to render view `id`. cost_s: seconds per sample of a pixel."""
+    """Begins to render view `id`. cost_s: seconds per sample of a pixel. slots: of the farm."""
     own = replace(SETTINGS, **settings)
     about = {"samples": 32, "noise": None, "has_alpha": True, "draft_exposure": 0.0, "is_home": True, "upload": "a scene"}
     request: Any = SimpleNamespace(id=id, settings=own, frame_request=None, **about)
     session.switch_to(request, id)
-    session.begin_rendering(own, "c", "k", cost_s, 1, denoises, draft=draft)
+    session.begin_rendering(own, "c", "k", cost_s, slots, denoises, draft=draft)
 
 
 def drafted(session: ViewSession) -> ViewSession:
@@ -155,6 +161,25 @@ def test_few_samples_are_denoised_only_where_more_take_long(session: ViewSession
         assert session.begin_denoising() is None
     add_samples(session, GUIDES_AFTER, FIRST_GUIDES - GUIDES_AFTER, is_guide=True)
     assert session.begin_denoising() == (96, 64, True)
+
+
+def test_few_slots_leave_their_cores_to_the_first_denoising(session: ViewSession) -> None:
+    def guided(number: int) -> None:
+        add_samples(session, number, 1)
+        if number == 0:
+            add_samples(session, GUIDES_AFTER, FIRST_GUIDES - GUIDES_AFTER, is_guide=True)
+
+    show(session, 1, None, denoises=True, cost_s=SLOW_S)
+    guided(0)
+    assert not session.spares_slots, "it has not begun"
+    assert session.begin_denoising() and session.spares_slots
+    session.end_denoising(bytes(4 * 96 * 64))
+    session._denoised._rests_until = 0.0  # type: ignore[union-attr]
+    guided(1)
+    assert session.begin_denoising() and not session.spares_slots, "later ones go on beside the samples"
+    show(session, 2, None, denoises=True, cost_s=SLOW_S, slots=16)
+    guided(0)
+    assert session.begin_denoising() and not session.spares_slots, "others have cores to spare"
 
 
 def test_denoised_picture_is_exact_before_the_view_is_complete(session: ViewSession) -> None:

@@ -66,6 +66,8 @@ export class MeshCanvas {
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** Whether frames take a tenth of a second or more. */
     this.isSlow = this.gl !== null && isSoftware(this.gl);
+    /** Whether the view's samples are being rendered, perhaps by the cores that would refine the shadows where drawing is slow. */
+    this.isReplacedSoon = false;
     /** Whether a first frame is drawn, which does without what takes long: mirrors show only the light around the scene, and large meshes have no shadows. */
     this.isFirst = false;
     /** Ends the coarse frames. @type {ReturnType<typeof setTimeout> | undefined} */
@@ -226,6 +228,13 @@ export class MeshCanvas {
     this.invalidate();
   }
 
+  /** @param {boolean} is whether samples are being rendered that will replace the mesh */
+  expect(is) {
+    if (is === this.isReplacedSoon) return;
+    this.isReplacedSoon = is;
+    if (!is && this.isRefining) this.invalidate();
+  }
+
   /** Draws coarsely until nothing has changed for SETTLED_MS, where drawing is slow. */
   drawCoarsely() {
     if (!this.isSlow) return;
@@ -308,6 +317,7 @@ export class MeshCanvas {
 
   /** Whether the shadows become better while the camera rests. */
   get isRefining() {
+    if (this.isSlow && this.isReplacedSoon) return false;
     return Boolean(this.shadows?.isPossible && this.mesh && !this.kept && this.view && !this.isBelow(this.mesh, this.view) && this.held === undefined && this.settling === undefined && !this.shadows.isDone);
   }
 
