@@ -3,11 +3,11 @@
     python3 farm.py bench first_picture [--cold] [--rounds 3] [--rest 3] [FILE or "Still life" ...]
 
 Columns, in seconds: first contentful paint of the front page; then, from the moment a file is chosen (or an example
-opened), the upload's last byte, the model drawn by WebGL or the example's picture, the first path-traced samples, and
-the whole picture: a sample in every pixel. --rest: seconds for which the front page is looked at, and for which the
-file dialog is open. Without files: a generated GLB of 1,000 and one of a million triangles, and the example Still life.
-Warm: kernels are in the cache, and the farm waits; --cold: a farm starts with an empty kernel cache before each file.
-Each round has a new browser profile.
+opened), the upload's last byte, the model drawn by WebGL or the example's picture, the first path-traced samples, the
+whole picture (a sample in every pixel), and the denoised picture that replaces the preview or the example's picture.
+--rest: seconds for which the front page is looked at, and for which the file dialog is open. Without files: a generated
+GLB of 1,000 and one of a million triangles, and the example Still life. Warm: kernels are in the cache, and the farm
+waits; --cold: a farm starts with an empty kernel cache before each file. Each round has a new browser profile.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from tests.e2e.conftest import FLAGS
 from tests.helpers import start_farm, stop_farm
 
 EXAMPLE = "Still life"
-STAGES = ("paint", "sent", "model", "samples", "whole")
+STAGES = ("paint", "sent", "model", "samples", "whole", "denoised")
 DEADLINE_S = 600.0
 PAINT = "() => performance.getEntriesByName('first-contentful-paint')[0]?.startTime / 1000"
 # The time at which the upload's last byte was sent, which only the request itself knows.
@@ -46,6 +46,7 @@ SEEN = """() => {
       || Boolean(view?.style.backgroundImage),
     samples: view?.dataset.view !== undefined,
     whole: Number(view?.dataset.samples) >= 1,
+    denoised: Number(view?.dataset.samples) >= 1 && view.dataset.denoised === "true" && !view.querySelector("canvas.held-back"),
   };
 }"""
 
@@ -124,7 +125,7 @@ def first_picture(browser: Browser, url: str, scene: Path | str, rest_s: float) 
                 found.setdefault("model", found["samples"])  # samples arrived before the preview mesh
                 found.setdefault("sent", 0.0)  # examples are not uploaded
             if now > DEADLINE_S:
-                raise TimeoutError(f"{scene}: no whole picture after {DEADLINE_S:.0f} s; seen: {found}")
+                raise TimeoutError(f"{scene}: no denoised picture after {DEADLINE_S:.0f} s; seen: {found}")
             page.wait_for_timeout(20)
         page.request.delete(f"{url}/api/scenes/{page.url.partition('/scenes/')[2].partition('?')[0]}")
         return found
