@@ -220,6 +220,31 @@ def test_floor_of_a_preview_is_nearly_black_below_a_low_body(farm: Farm, watched
     assert watched.errors == []
 
 
+def _pot(sides: int = 48) -> str:
+    """Returns an OBJ of a round body, narrower at its bottom, of radius 1."""
+    turns = [2 * math.pi * i / sides for i in range(sides)]
+    obj = "".join(
+        f"v {r * math.cos(turn)} {y} {r * math.sin(turn)}\n" for y, r in ((0, 1), (0.3, 1.25), (1.5, 1.25)) for turn in turns
+    )
+    corners = range(1, sides + 1)
+    for low in (0, sides):
+        obj += "".join(f"f {low + i} {low + sides + i} {low + sides + i % sides + 1} {low + i % sides + 1}\n" for i in corners)
+    return obj + f"f {' '.join(str(i) for i in corners)}\nf {' '.join(str(3 * sides + 1 - i) for i in corners)}\n"
+
+
+@pytest.mark.long
+def test_first_floor_of_a_preview_is_darkest_along_a_round_body(farm: Farm, watched: Watched) -> None:
+    """From the first frame on: what the floor's map has below the body does not lighten the floor beside it."""
+    page = watched.page
+    page.goto(farm.url)
+    view = {"eye": [0, 4, 12], "target": [0, 0.5, 0], "up": [0, 1, 0], "fov": 22}
+    turns = [math.radians(degrees) for degrees in range(24, 55, 3)]
+    points = [[r * math.sin(turn), 0, r * math.cos(turn)] for r in (1.04, 1.1) for turn in turns]
+    beside, farther = np.array(page.evaluate(DRAW_CUBE, [_pot(), points, False, view]))[:, 1].reshape(2, -1).mean(axis=1)
+    assert beside < farther - 18
+    assert watched.errors == []
+
+
 @pytest.mark.long
 def test_floor_hides_a_preview_from_below(farm: Farm, watched: Watched) -> None:
     """From below, the preview shows the lower side of the floor, lit by the weaker light from below."""

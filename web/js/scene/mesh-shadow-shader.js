@@ -319,7 +319,8 @@ uniform float softness; // half the angle between neighbouring directions, times
 const float MOST_SEEN = 8.0; // texels around that a surface above sees at most: what is beside the scene is seen from its sides
 const int TAPS = 12;
 const float WIDEST = 2.4; // reach of the blur, in widths of a shadow
-const float BESIDE = 4.0; // texels around a covered one from which it takes what the floor beside it misses
+const float BESIDE = 4.0; // texels around a covered one, at most, from which it takes what the floor beside it misses
+const float UNCOVERED = 0.2; // part of these that is not covered, at least
 const float UNSHADOWED = 100.0; // width where there is no shadow: wider than any that matters
 // Height of what is above the floor, in texels.
 float heightAbove() {
@@ -341,12 +342,16 @@ void main() {
   reflected = vec4(0.0);
   if (textureLod(hidden, uv, log2(1.0 + WIDEST * wide) + 1.0).rgb == vec3(0.0)) return;
   float height = heightAbove(), level = log2(1.0 + min(height, MOST_SEEN));
-  bool isCovered = textureLod(hidden, uv, 0.0).a < 0.5 * textureLod(hidden, uv, log2(size.x)).a;
-  if (isCovered) level = max(level, log2(1.0 + 2.0 * BESIDE));
+  float mean = textureLod(hidden, uv, log2(size.x)).a, beside = 0.0;
+  if (textureLod(hidden, uv, 0.0).a < 0.5 * mean) { // it is covered
+    beside = 0.5; // as near as possible: the floor is darkest along what stands on it
+    while (beside < BESIDE && textureLod(hidden, uv, log2(1.0 + 2.0 * beside)).a < UNCOVERED * mean) beside *= 2.0;
+    level = max(level, log2(1.0 + 2.0 * beside));
+  }
   vec4 around = textureLod(hidden, uv, level);
   float open = 1.0 - dot(around.rgb, vec3(0.2126, 0.7152, 0.0722)) / max(around.a, 1e-9);
   open = clamp(open * (1.0 - dot(suns, vec4(1.0))) + dot(suns, textureLod(openSuns, uv, level)), 0.001, 1.0);
-  wide = isCovered ? BESIDE : min(wide, 0.5 * height); // the maps have the depth of the scene's upper side
+  wide = beside > 0.0 ? beside : min(wide, 0.5 * height); // the maps have the depth of the scene's upper side
   vec4 all = vec4(0.0);
   vec3 back = vec3(0.0);
   float total = 0.0;
