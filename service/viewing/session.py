@@ -24,7 +24,7 @@ from renderer.image import rgbe9995
 from renderer.settings import RenderSettings
 from service.viewing.canvas import Canvas
 from service.viewing.denoised import DENOISING_FAILURES_ALLOWED, DenoisedView
-from service.viewing.passes import FIRST_GUIDES, GUIDES_AFTER, DraftSize, Passes, Piece, has_guides, levels_of
+from service.viewing.passes import FIRST_GUIDES, DraftSize, Passes, Piece, has_guides, levels_of
 from service.viewing.view_request import ViewRequest, view_hash
 
 __all__ = ["SettledPicture", "ViewSession"]
@@ -33,7 +33,8 @@ SHOW_EVERY_S = 0.25  # while a picture is incomplete
 SHOW_CONVERGED_S = 2.0  # for a view that has been shown for long and changes slowly
 MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this time, so that dragging shows pictures
 MIN_DRAFT_WAIT_S = 2.0  # the same until its draft has come
-# A view is denoised first with FIRST_GUIDES samples per pixel if these take at most this time: denoising fewer would save none.
+FIRST_SAMPLES = 2  # per pixel, with which a view is denoised first: edges of one sample are ragged
+# It is denoised first with FIRST_GUIDES samples per pixel if these take at most this time: denoising fewer would save none.
 FIRST_DENOISED_S = 0.5
 FEW_SLOTS = 8  # up to which denoising slows down by several times if all of them render meanwhile
 COST_SAMPLES = 2  # per pixel, with which a view's cost is known: single pieces may be of the sky alone
@@ -202,7 +203,7 @@ class ViewSession:
                 for level in levels
             ]
             whole_s = cost_s * settings.width * settings.height / (max(slots, 1) + card_rate * cost_s)  # of one sample a pixel
-            first = FIRST_GUIDES if FIRST_GUIDES * whole_s <= FIRST_DENOISED_S else GUIDES_AFTER
+            first = FIRST_GUIDES if FIRST_GUIDES * whole_s <= FIRST_DENOISED_S else FIRST_SAMPLES
             self._denoised = DenoisedView(max(self._whole_draft_samples, first), keeps=self.request.is_home) if denoises else None
 
     def end_sampling(self, min_samples: float) -> None:

@@ -319,7 +319,8 @@ def test_live_view_is_denoised_and_can_show_its_noise(farm: Farm, watched: Watch
         expect(held).to_have_count(1)
         expect(held).to_have_count(0, timeout=60_000)
         expect(view.page.locator(".view-state")).to_have_text(re.compile(r"^\d+ samples, denoised"), timeout=60_000)
-        assert words in view.page.evaluate("said.splice(0)"), "and no count of the view before"
+        said = view.page.evaluate("said.splice(0)")
+        assert words in said, f"and no count of the view before: {said}"
         frames = view.page.evaluate("exposed.splice(0)")
         assert frames[-2][1] and not frames[-1][1], f"the picture in the new light is exposed when it is shown: {frames}"
     first = view.number()

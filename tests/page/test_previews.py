@@ -31,7 +31,8 @@ def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> N
     for start in ({"look": 32}, {"clean": "data:,"}):
         assert is_due(tiles=[[0, 1], [2, 1]], worth=0, **start) is True, "the start is of another light"
         assert is_due(tiles=[[0, 3], [2, 9]], worth=4, **start) is False, "the start is sharper"
-        assert is_due(tiles=[[0, 1], [2, 9]], worth=4, waited=3000, **start) is True
+        assert is_due(tiles=[[0, 1], [2, 9]], worth=4, waited=3000, **start) is False, "its edges would be ragged"
+        assert is_due(tiles=[[0, 4], [2, 9]], worth=4, waited=3000, **start) is True
         assert is_due(tiles=[[0, 15], [2, 40]], worth=16, **start) is False, "a clear start does not go at once"
         assert is_due(tiles=[[0, 16], [2, 16]], worth=16, **start) is True
         for worth in (16, 64):

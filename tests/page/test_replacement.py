@@ -34,7 +34,7 @@ def first_replacing(node: Node, **facts: Any) -> float | None:
 
 @pytest.mark.parametrize(
     ("shown", "denoised", "noise_of_undenoised"),
-    [("nothing", 0, 4), ("thumbnail", 0, 4), ("clear", 16, 8), ("mesh", 1, 4), ("projected", 2, 1)],
+    [("nothing", 0, 4), ("thumbnail", 0, 4), ("clear", 16, 8), ("mesh", 2, 4), ("projected", 2, 1)],
 )
 def test_picture_replaces_what_is_shown_once_it_looks_better(
     node: Node, shown: str, denoised: int, noise_of_undenoised: int

@@ -152,7 +152,7 @@ def test_view_shows_its_noise_only_after_several_pictures_could_not_be_denoised(
     assert not session.denoises and session.take_packet(2) is not None
 
 
-@pytest.mark.parametrize(("cost_s", "first"), [(CPU_S, 4), (SLOW_S, 1)])
+@pytest.mark.parametrize(("cost_s", "first"), [(CPU_S, 4), (SLOW_S, 2)])
 def test_few_samples_are_denoised_only_where_more_take_long(session: ViewSession, cost_s: float, first: int) -> None:
     """On a fast farm, denoising fewer samples would save no time. Clean guides are awaited on any."""
     show(session, 1, None, denoises=True, cost_s=cost_s)
@@ -165,7 +165,7 @@ def test_few_samples_are_denoised_only_where_more_take_long(session: ViewSession
 
 def test_few_slots_leave_their_cores_to_the_first_denoising(session: ViewSession) -> None:
     def guided(number: int) -> None:
-        add_samples(session, number, 1)
+        add_samples(session, number, 2)
         if number == 0:
             add_samples(session, GUIDES_AFTER, FIRST_GUIDES - GUIDES_AFTER, is_guide=True)
 
@@ -175,7 +175,7 @@ def test_few_slots_leave_their_cores_to_the_first_denoising(session: ViewSession
     assert session.begin_denoising() and session.spares_slots
     session.end_denoising(bytes(4 * 96 * 64))
     session._denoised._rests_until = 0.0  # type: ignore[union-attr]
-    guided(1)
+    guided(2)
     assert session.begin_denoising() and not session.spares_slots, "later ones go on beside the samples"
     show(session, 2, None, denoises=True, cost_s=SLOW_S, slots=16)
     guided(0)
@@ -185,7 +185,7 @@ def test_few_slots_leave_their_cores_to_the_first_denoising(session: ViewSession
 def test_denoised_picture_is_exact_before_the_view_is_complete(session: ViewSession) -> None:
     """The steps of coarse brightness, 2 %, are blotches where noise does not hide them."""
     show(session, 1, None, denoises=True, cost_s=SLOW_S)
-    add_samples(session, 0, 1)
+    add_samples(session, 0, 2)
     add_samples(session, GUIDES_AFTER, FIRST_GUIDES - GUIDES_AFTER, is_guide=True)
     width, height, _ = session.begin_denoising() or (0, 0, False)
     gradient = np.full((height, width, 3), np.linspace(0.46, 0.5, width, dtype=np.float32)[:, None], np.float32)

@@ -28,9 +28,9 @@ const PREVIEW_MS = 400;
 const FAILED_MS = 10_000;
 /** Samples per pixel that the picture with which the job began is worth if it is clear. */
 const CLEAR = 16;
-/** Samples per pixel from which a preview replaces a clear picture: denoising fewer smears and frays. */
+/** Samples per pixel from which a preview replaces a picture of the same camera and light: denoising fewer smears and frays. */
 const LEAST_SPP = 4;
-/** Time, in milliseconds, after which the first preview comes although the picture with which the job began is better: with LEAST_SPP or a quarter of what that is worth, and with any samples. */
+/** Time, in milliseconds, after which the first preview comes although the picture with which the job began is better: with LEAST_SPP, and with any samples. */
 const [SOON_MS, AT_LAST_MS] = [1000, 8000];
 /** Time, in milliseconds, after which the noise is shown if no denoised picture has come: in place of a picture of another camera or light, of a rough one, and of a clear one. */
 const [STALE_MS, NOISE_AFTER_MS, NOISE_AT_LAST_MS] = [2000, 5000, 12_000];
@@ -144,7 +144,7 @@ export class PictureSide {
     const { least, waited } = this.coverage();
     if (least === 0) return false;
     if (isAgain && look) return film.total >= look.total;
-    return least >= worth || (least >= Math.min(worth / 4, LEAST_SPP) && waited > SOON_MS) || waited > AT_LAST_MS;
+    return least >= Math.max(worth, worth < 1 ? 0 : LEAST_SPP) || (least >= LEAST_SPP && waited > SOON_MS) || waited > AT_LAST_MS;
   }
 
   /** Whether the film is to be shown with its noise, since no denoised picture has come in time. An earlier picture stays. */

@@ -297,7 +297,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       if (isLatest && (done || (denoised && spp >= SHARP_SPP))) clearId = id;
       if (id !== null && isLatest && pictureId() === id && (done || mean >= WHOLE_SPP)) dark.explain(id, done || mean >= BLACK_SPP);
       mesh.expect(slots > 0 && !done && !message);
-      const part = mean / neededSpp(cover.shown, denoises);
+      const part = isLatest ? mean / neededSpp(cover.shown, denoises) : 0;
       meanwhile.steps.follow(part, saidOf(found, "message"), denoises);
       if (message) say(saidOf(found, "message"));
       else if (bound && (isLatest || cover.isInstead)) {

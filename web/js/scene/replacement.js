@@ -24,7 +24,7 @@
 /** Samples per pixel after which a view is clear enough to be kept, and one that is never denoised replaces a mesh or a thumbnail: fewer are noise. */
 export const SHARP_SPP = 4;
 /** Samples per pixel from which a denoised picture replaces the preview mesh: its error is already smaller (docs/performance.md). */
-export const FIRST_SPP = 1;
+export const FIRST_SPP = 2;
 /** Samples per pixel from which a denoised picture replaces a clear one, as many as an idle farm gives a poster. */
 export const POSTER_SPP = 16;
 /** Time, in milliseconds, after which noise replaces an outdated picture: that it is outdated is worse. */
@@ -41,7 +41,7 @@ const SHARP_SHARE = 0.9;
 const NOISY_SPP = { nothing: SHARP_SPP, thumbnail: SHARP_SPP, mesh: SHARP_SPP, clear: 2 * SHARP_SPP, projected: 1 };
 
 /** Those with which a denoised picture does. @type {Record<Shown, number>} */
-const DENOISED_SPP = { nothing: 0, thumbnail: 0, mesh: FIRST_SPP, clear: POSTER_SPP, projected: 2 * FIRST_SPP };
+const DENOISED_SPP = { nothing: 0, thumbnail: 0, mesh: FIRST_SPP, clear: POSTER_SPP, projected: FIRST_SPP };
 
 /** Returns the samples per pixel with which the view's whole picture replaces what is shown. @param {Shown} shown @param {boolean} denoises */
 export const neededSpp = (shown, denoises) => Math.max((denoises ? DENOISED_SPP : NOISY_SPP)[shown], FIRST_SPP);
