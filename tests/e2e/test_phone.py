@@ -36,7 +36,7 @@ def test_phone_shows_whole_titles_and_hides_bins(many: Service, browser: Browser
     expect(bin).to_have_css("opacity", "0")
 
     page.goto(f"{many.url}/#/jobs")
-    expect(page.get_by_role("button", name="Cancelled")).to_be_in_viewport(ratio=1)
+    expect(page.get_by_role("button", name="Cancelled 2,000")).to_be_in_viewport(ratio=1)
     expect(page.get_by_label("Order")).to_be_hidden()
     page.get_by_role("button", name="Filters").tap()
     page.get_by_label("Order").select_option("oldest")
