@@ -46,7 +46,7 @@ export function denoiseFields(display, renew) {
     element,
     update(state) {
       const { error, waiting = false, stale = false, isPreview = false, spp = 0 } = state ?? {};
-      setText(choice.aside, spp === 0 || error ? "" : tn(spp, "Made of the first {n} sample", "Made of the first {n} samples", { n: count(spp) }));
+      setText(choice.aside, spp === 0 || error ? "" : tn(spp, "Made of the first sample", "Made of the first {n} samples", { n: count(spp) }));
       const sentence = waiting
         ? ""
         : error
