@@ -319,7 +319,7 @@ def test_missing_files_come_first_and_guesses_are_notes(page: Page) -> None:
     nothing = {"code": "scene-without-area", "params": {}}
     scene = {**SCENE, "warnings": ["Nothing.", "Other."], "codes": {"warnings": [nothing, None]}}
     call(page, "scene/scene-notices", "document.body.replaceChildren(m.warnings(a));", scene)
-    expect(page.locator(".notice.warning .first-warning")).to_have_text("1 more warning")
+    expect(page.locator(".notice.warning .first-warning")).to_have_text("1 warning")
 
 
 @pytest.mark.long

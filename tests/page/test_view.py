@@ -420,3 +420,15 @@ def test_picture_is_not_of_the_latest_request_while_another_waits_for_the_next_f
         frames[0]();
         return [...found, link.isLatest(3), link.isLatest(4)];"""
     assert node.call("scene/view-link", body) == [True, False, False, True]
+
+
+def test_other_side_is_seen_from_the_same_height(node: Node) -> None:
+    """Turned twice, the camera is where it was. Up need not be of unit length, nor an axis."""
+    for up in ([0.0, 0.0, 2.0], [0.6, 0.8, 0.0]):
+        view = {"eye": [4.0, -3.0, 2.0], "target": [1.0, 1.0, 0.5], "up": up}
+        once, twice = node.call("scene/other-side", "return [m.oppositeOf(a), m.oppositeOf(m.oppositeOf(a))];", view)
+        axis = np.array(up) / np.linalg.norm(up)
+        before, after = (np.array(each["eye"]) - view["target"] for each in (view, once))
+        assert after @ axis == pytest.approx(before @ axis)
+        np.testing.assert_allclose(after - (after @ axis) * axis, -(before - (before @ axis) * axis), atol=1e-12)
+        np.testing.assert_allclose(twice["eye"], view["eye"], atol=1e-12)

@@ -19,6 +19,7 @@ import { darknessNotice } from "./darkness-notice.js";
 import { denoiseView } from "./denoise-view.js";
 import { exposureHand } from "./exposure-hand.js";
 import { frameHand } from "./frame-hand.js";
+import { otherSide } from "./other-side.js";
 import { startOfTake } from "./form-start.js";
 import { meshBrightness } from "./mesh-brightness.js";
 import { takeMesh } from "./mesh-relay.js";
@@ -179,6 +180,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
   const invisible = () => invisibleWords(scene, bounds() !== null);
   const framing = frameHand(scene, { view: form.view, aspect, bounds, turn: (view) => turn(view) });
+  const opposite = otherSide(scene, { view: form.view, turn: (view) => turn(view) });
   const standard = sideHand({ view: form.view, side: (name) => ((instead.isOpen && !instead.hasLive) || invisible() ? null : form.side(name)), turn: (view) => turn(view) });
   const dark = darknessNotice({
     film: () => film.film,
@@ -352,6 +354,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     warnEarly();
     exposePreview();
     framing.update();
+    opposite.update();
     standard.update();
     others.changed();
     saved.changed();
@@ -403,7 +406,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   });
   const toolBar = h("div", { class: "view-tool-bar" }, hands.buttons, saved.save);
   const looks = h("div", { class: "view-looks" }, hand.element, viewMore(frame, clear.element, denoise.element, hand.curve));
-  const pills = h("div", { class: "view-pills" }, state, meanwhile.steps.isOpen && meanwhile.steps.element, framing.element, h("div", { class: "view-corner" }, standard.element, hands.hint, others.element), dark.element);
+  const pills = h("div", { class: "view-pills" }, state, meanwhile.steps.isOpen && meanwhile.steps.element, framing.element, opposite.element, h("div", { class: "view-corner" }, standard.element, hands.hint, others.element), dark.element);
   const stage = viewStage({
     ...{ scene: scene.id, sides, live: film, look: hand.look, names },
     changed(now) {

@@ -113,8 +113,7 @@ export function warnings(scene) {
   const missing = sentences.flatMap((sentence) => missingFiles(codedOf(scene, sentence)));
   const beginning = missing.length ? t("Missing: {names}", { names: [...new Set(missing)].join(", ") }) : beginningOf(first, codedOf(scene, first));
   const isInvisible = invisibleWords(scene) !== ""; // the view says so, and nothing else matters as much
-  const all = isInvisible ? tn(sentences.length, "{n} more warning", "{n} more warnings") : tn(serious, "{n} warning", "{n} warnings");
-  const count = serious ? all : tn(sentences.length, "{n} note", "{n} notes");
+  const count = serious ? tn(serious, "{n} warning", "{n} warnings") : tn(sentences.length, "{n} note", "{n} notes");
   return h(
     "div",
     { class: serious ? "notice warning folded" : "notice note folded" },

@@ -45,12 +45,9 @@ export function viewHands({ scene, form, frame, surface, instead, seen, size, pi
   const tell = (sentence = "") => {
     isFocused = false;
     const touch = matchMedia("(pointer: coarse)").matches;
-    const isFrontUnknown = scene.up_axis != null && scene.cameras.length === 1; // the file states neither directions nor a camera
     const usual = touch
       ? t("Drag with two fingers to move the view; tap it first to turn it with one.")
-      : isFrontUnknown
-        ? t("Drag to turn, scroll to zoom. Seen from behind? Back or Shift+1.")
-        : t("Drag to turn, Shift-drag to move, scroll to zoom; W A S D Q E to fly.");
+      : t("Drag to turn, Shift-drag to move, scroll to zoom; W A S D Q E to fly.");
     const ofStage = touch
       ? t("Drag with one finger to pan, pinch to zoom.")
       : t("Drag moves the picture, the wheel zooms; Escape goes back to the live view.");
