@@ -65,8 +65,8 @@ def denoise_fast(
 ) -> F32:
     """Returns a denoised image in a sixth of the time of `denoise`: the guides are not denoised first, so edges are less sharp.
 
-    has_clean_guides: whether to treat the guides as free of noise, as those of 16 samples per pixel nearly are. The image is then
-    as smooth as that of `denoise`, in a third of its time; guides of fewer samples fray the edges. is_rough: at the
+    has_clean_guides: whether to treat the guides as free of noise, as those of 4 samples per pixel nearly are. The image is then
+    as smooth as that of `denoise`, in a third of its time; guides of one or two samples fray the edges. is_rough: at the
     library's quality `fast`: in half of the time, with an error that is a tenth larger. threads: None for all cores. Raises
     SettingsError if Open Image Denoise is not installed or fails.
     """

@@ -17,7 +17,8 @@ from rayfarm.strict import refuse_warnings
 
 __all__ = ["NOTES", "register"]
 
-# Codes of what is no warning, as on the page: guesses where a file leaves something open, and the light that stands in.
+# Codes of messages that are notes, as on the page (web/js/base/codes.js): guesses where a file leaves something open, and the
+# studio light of a scene without one. All others are warnings.
 NOTES = frozenset(
     {
         "collada-camera-aspect-guessed",

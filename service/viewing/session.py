@@ -317,7 +317,7 @@ class ViewSession:
 
     @property
     def spares_slots(self) -> bool:
-        """Returns True while few slots render no pieces of the view, since its first denoised picture takes their cores."""
+        """Returns True if the view's pieces wait, since the first denoising needs the cores of the farm's few slots."""
         denoised = self._denoised
         return self._has_few_slots and denoised is not None and denoised.is_first
 

@@ -143,7 +143,7 @@ class ArtifactTask(ABC, Generic[Request]):
             return None if wanted is None else wanted.answer
 
     def waiting_s(self, job: str, frame: int) -> float:
-        """Returns the seconds since a frame's artifact was requested that is being made; 0 if there is none. Thread-safe."""
+        """Returns the seconds since the request for a frame's artifact that is still being made; 0 without one. Thread-safe."""
         with self._lock:
             wanted = self._wanted.get((job, frame))
             return 0.0 if wanted is None else time.monotonic() - wanted.begun

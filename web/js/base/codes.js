@@ -42,7 +42,7 @@ export const GUESSED = [
   "usd-metadata-not-double",
 ];
 
-/** Two of them, whose sentences name places in the file. */
+/** Codes of two of these notes: their sentences name places in the file. */
 export const [PROFILE_IGNORED, IMAGE_GUESSED] = ["image-colour-profile-ignored", "obj-image-guessed"];
 
 /** The upload has several scenes: `file` is shown, not `others`. */

@@ -22,7 +22,7 @@ export const DRAFT_KIND = 6;
 export const NOT_FOUND = 4404;
 export const GONE = 4410;
 
-/** Growth of samples that renews a preview: below so many per pixel, above, and without a rest. */
+/** Samples per pixel below which a preview is rough. Then the growth of samples after which previews are renewed: rough ones, others, and rough ones without a rest. */
 export const ROUGH_PREVIEW_SAMPLES = 64;
 export const ROUGH_PREVIEW_GROWTH = 1.25;
 export const PREVIEW_GROWTH = 2;

@@ -117,7 +117,7 @@
  * @property {number} progress 0..1
  * @property {number | null} eta_s
  * @property {number} active_s rendering time without pauses
- * @property {number} elapsed_s the same, and of a finished still that is denoised the time of that
+ * @property {number} elapsed_s active_s, and for a finished still the time of its last denoising
  * @property {number} samples in the film, over all pixels and frames
  * @property {number} samples_per_s current speed; 0 while not rendered
  * @property {number} bad_samples number of discarded samples (NaN or infinite)

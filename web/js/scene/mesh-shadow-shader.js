@@ -462,7 +462,7 @@ uniform vec4 places[4]; // of the lamps, with 1, or directions to them, with 0
 out vec4 part;
 ${POINT_GLSL}
 #ifndef FLOOR
-// Offset from place to the point of its tangent plane that is seen so many pixels away. n: normal of the plane.
+// Offset in the scene from a place to the point of its tangent plane that lies so many pixels away from it on the screen. n: normal of the plane.
 vec3 beside(vec3 place, vec3 n, vec2 pixels) {
   vec2 at = 2.0 * (gl_FragCoord.xy + pixels) / vec2(textureSize(seenDepth, 0)) - 1.0;
   vec4 near = fromClip * vec4(at, -1.0, 1.0), far = fromClip * vec4(at, 1.0, 1.0);
